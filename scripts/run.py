@@ -8,6 +8,9 @@ import tyro
 
 from haustra.fields import Number, number, texts, vector, whole
 
+_AROUND = ("pressed", "envelope", "rooted", "breathing", "loops_touch", "torsion")
+"""Options of the patient around a colon that moves, by their names in `Abdomen`."""
+
 
 @dataclass(frozen=True)
 class Run:
@@ -45,6 +48,8 @@ class Run:
     """Segment on which an assistant's hand presses through the belly."""
     envelope: bool = False
     """Let the abdominal wall and the organs around hold the colon in."""
+    rooted: bool = False
+    """Let mesenteries hang from their roots, so that loops may be straightened onto them."""
     breathing: bool = False
     """Let quiet breath move what the colon hangs on."""
     loops_touch: bool = False
@@ -232,8 +237,7 @@ class Run:
             from haustra.models.gas.water import volume_from
 
             chosen["water"] = volume_from(self.water)
-        names = ("posture", "mobile", "adhesions", "pressed", "envelope", "breathing", "loops_touch", "torsion")
-        around = Abdomen(**{name: getattr(self, name) for name in names})
+        around = Abdomen(**{name: getattr(self, name) for name in ("posture", "mobile", "adhesions", *_AROUND)})
         return chosen if around == Abdomen() else {**chosen, "abdomen": around}
 
     def _options(self) -> dict[str, Any]:

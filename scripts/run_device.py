@@ -20,6 +20,7 @@ _PATIENT = (
     "adhesions",
     "pressed",
     "envelope",
+    "rooted",
     "breathing",
     "loops_touch",
     "torsion",

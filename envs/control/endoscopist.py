@@ -56,7 +56,7 @@ class EndoscopistSettings:
     steer_lead: float = number("rad", 0.01, 10.0, default=3.0)
     """Largest lead of the wires over the angle that the bending section has reached [rad]: enough to pull at a tip that
     a wall has caught as hard as wheels do. With 0.6 rad, tips stay bent over in the right colon."""
-    gentle_force: float = number("N", 0.01, 1e3, default=8.0)
+    gentle_force: float = number("N", 0.01, 1e3, default=12.0)
     """Push that is not exceeded while things go well [N]; 9.8 N are exceeded for 5 % of the time (Appleyard 2000)."""
     held_force: float = number("N", 0.01, 1e3, default=6.0)
     """Push that is left on the shaft while it is held [N]: the hand eases what is more."""
@@ -73,9 +73,8 @@ class EndoscopistSettings:
     """How long it looks between two strokes, the hand eased [s]."""
     calm: float = number("s", 0.0, 600.0, default=5.0)
     """Time without lumen passing for which one goes on gently [s]."""
-    firmer: float = number("N/s", 0.0, 1e3, default=1.0)
-    """Rate at which one pushes harder from then on, until lumen passes [N/s]. Pushes that grow twice as fast put walls
-    at risk (docs/log/navigation.md)."""
+    firmer: float = number("N/s", 0.0, 1e3, default=2.0)
+    """Rate at which one pushes harder from then on, until lumen passes [N/s]."""
     pull_force: float = number("N", 0.01, 1e3, default=17.0)
     """Pull at which withdrawal stands still [N]; clinics' largest is 17.7 N (Appleyard 2000)."""
     torque_limit: float = number("N m", 1e-3, 10.0, default=0.8)
@@ -84,7 +83,7 @@ class EndoscopistSettings:
     """Speed of pulling back [m/s]."""
     lost_shaft: float = number("m", 0.005, 1.0, default=0.3)
     """Shaft that goes in without lumen passing before a loop is felt [m]; as much more after each attempt."""
-    new_colon: float = number("m", 0.01, 2.0, default=0.2)
+    new_colon: float = number("m", 0.01, 2.0, default=0.3)
     """New colon after which the shaft is straightened at the next bend that holds the tip [m]."""
     hook: float = number("rad", 0.0, 3.0, default=1.0)
     """Bend of the tip from which on it holds in a bend of the colon while the shaft is pulled [rad]."""
@@ -94,6 +93,8 @@ class EndoscopistSettings:
     """Pulling back goes at least this far [m]."""
     most_pull: float = number("m", 1e-2, 2.0, default=0.6)
     """And at most this far [m]."""
+    longest_pull: float = number("s", 1.0, 600.0, default=40.0)
+    """Pulling back takes no longer [s]."""
     twist: float = number("rad", 0.0, 4 * math.pi, default=4.7)
     """Angle that the shaft is turned through while pulling back, clockwise first [rad]."""
     roll_rate: float = number("rad/s", 0.01, 50.0, default=math.radians(60))
@@ -104,9 +105,9 @@ class EndoscopistSettings:
     """Time of one turn to and fro [s]."""
     patience: float = number("s", 0.1, 600.0, default=60.0)
     """Time without lumen passing after which something else is tried [s]."""
-    most_attempts: float = number("1", 1.0, 1e3, default=12.0)
-    """Attempts without new colon after which it gives up, and rests: some more than clinics' medians, 7 to 10 (Shah
-    2000); pain and looping end one insertion in twenty to ten there (Thieme a-0574-2478)."""
+    most_attempts: float = number("1", 1.0, 1e3, default=20.0)
+    """Attempts without new colon after which it gives up, and rests: twice clinics' medians of 7 to 10, where they go
+    up to 80 (Shah 2000); pain and looping end one insertion in twenty to ten there (Thieme a-0574-2478)."""
     rest: float = number("s", 0.0, 600.0, default=3.0)
     """Rest after each manoeuvre [s]."""
     jiggle: float = number("m", 0.0, 0.2, default=0.015)
@@ -216,7 +217,7 @@ def rules(
     slipped = (arc < memory.held_arc - own.slip) & (withdrawn > own.least_pull)
     strong = (force < -_STRONG * own.pull_force) & (withdrawn > own.least_pull)
     far = (withdrawn > own.most_pull) | (shaft < _LEAST_SHAFT)
-    over = pulling & (slipped | strong | far | (waited > _LONGEST_PULL))
+    over = pulling & (slipped | strong | far | (waited > own.longest_pull))
     rested = (memory.mode == _REST) & (waited > own.rest) & (memory.attempts < own.most_attempts)
     jiggled = (memory.mode == _JIGGLE) & (waited > own.jiggle_time)
     # What is done next.
@@ -264,5 +265,3 @@ _STRONG = 0.8
 """Pulling back ends at this share of the largest pull [1]: slower than that it hardly goes on."""
 _LEAST_SHAFT = 0.1
 """Pulling back ends with so much shaft inside [m]: further out is out."""
-_LONGEST_PULL = 20.0
-"""Pulling back takes no longer [s]; engineering choice."""

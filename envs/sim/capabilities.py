@@ -71,7 +71,7 @@ SCENE = (
     *_in("scene", "wall_law", only=_only("table")),
     *_in("scene", "mesentery", about="drawn to scopes between their spheres too, against every wall"),
     *_in("scene.abdomen", "posture", "mobile", "adhesions", "pressed", "hand", about="of a colon that moves"),
-    *_in("scene.abdomen", "envelope", "breathing", "torsion", about="of a colon that moves"),
+    *_in("scene.abdomen", "rooted", "envelope", "breathing", "torsion", about="of a colon that moves"),
     *_in("scene.abdomen", "loops_touch", only=_only(False, backends=("warp",)), about="of a colon that moves"),
     *_in("scene", "water", only=_only(0.0, backends=("native-batch", "warp")), about=f"with gas; {_FILLED}"),
     *_in("scene", "gas", only=_only(None, backends=("native-batch", "warp")), about=_FILLED),

@@ -340,10 +340,14 @@ class TablePlanes:
         return self.normal_force[..., None] * self._gathered("inwards")
 
     def arcs_of(
-        self, points: Float[np.ndarray, "worlds points 3"], arcs: Float[np.ndarray, "worlds points"]
+        self,
+        points: Float[np.ndarray, "worlds points 3"],
+        arcs: Float[np.ndarray, "worlds points"],
+        *,
+        beyond: Float[np.ndarray, "worlds 3"] | None = None,
     ) -> Float[np.ndarray, "worlds points"]:
-        """Arc lengths of other places of the devices [m], which were near `arcs` [m] at the last look."""
-        return self._groups[0].walls.arcs_of(points, arcs)
+        """Arc lengths of other places of the devices, as `haustra.models.wall.table_wall.TableWalls.arcs_of` says."""
+        return self._groups[0].walls.arcs_of(points, arcs, beyond=beyond)
 
     def _gathered(self, name: str) -> np.ndarray:
         """One array of all groups, spheres in their order."""

@@ -174,7 +174,8 @@ class ThreadSlice:
 
     def _observe(self) -> dict[str, np.ndarray]:
         qpos, tip = self._qpos, self._site_xpos[:, self._tip].copy()
-        self._tip_arcs = self._wall.arcs_of(tip[:, None], self._tip_arcs)
+        last = self._geom_xpos[:, self._wall.spheres[-1]]
+        self._tip_arcs = self._wall.arcs_of(tip[:, None], self._tip_arcs, beyond=last)
         frame = self._site_xmat[:, self._tip].reshape(-1, 3, 3)
         links = np.einsum("wsi,sl->wli", self._wall.forces(), self._members)
         # What MuJoCo leaves is that of the beginning of its last step.

@@ -208,7 +208,8 @@ class WarpPlanes:
             contacts: the law.
             tables: of one colon a world, or for each of its spheres.
             displacement: where the colons are.
-            places: of the spheres, and of others whose arc lengths are asked for (worlds, places, 3) [m].
+            places: of the spheres, and of others whose arc lengths are asked for (worlds, places, 3) [m]; on a shaft
+                those follow the spheres.
             arcs: of the places at the last look (worlds, places) [m].
             radius: of the spheres (worlds or 1, places or 1) [m].
             data: MuJoCo's, with state and controls.
@@ -219,7 +220,9 @@ class WarpPlanes:
                 shaft, from its end to its tip, which a colon that moves draws on (`haustra.models.wall.threads`).
         """
         count, own = len(self.spheres), tables.mesentery
-        found, grip = look(tables, displacement, places, arcs, radius, threaded=0 if centres is None else count)
+        found, grip = look(
+            tables, displacement, places, arcs, radius, threaded=0 if centres is None else places.shape[1]
+        )
         points, inwards = places[:, :count], found.inwards[:, :count]
         radius = radius[:, :count]
         depth = found.depth[:, :count] + radius - tables.device_radius

@@ -35,7 +35,8 @@ def pressed_tension(force: Any, diameter: Any, length: Any) -> Any:
 def mesentery_tension(xp: Any, place: vectors.Vector, slack: Any, hold: Any, support: Any, spacing: Any) -> Any:
     """Tension of the mesentery at a node of the axis [N/m], by `haustra.models.wall.moving_colon.hold_force`.
 
-    A node without slack has no mesentery: it is fixed to the back wall, or to the pelvic floor.
+    Of a mesentery that hangs from its root, that of the surroundings is to be left out: they pull from elsewhere. A
+    node without slack has no mesentery: it is fixed to the back wall, or to the pelvic floor.
     """
     return xp.where(slack > 0, norm(xp, hold_force(xp, place, slack, hold, support)) / spacing, 0.0)
 
@@ -72,5 +73,6 @@ def axis_tensions(
     spacing, pleating = (xp.asarray(part)[..., None] for part in (own.spacing, own.pleating))
     along = axial_tension(xp, lengths, own.lengths, own.tension, pleating, radius[..., :-1])
     place = hung(xp, own, vectors.of(displacement), xp.asarray(time))
-    held = mesentery_tension(xp, place, own.slack, own.hold, own.support, spacing)
+    support = xp.where((xp.asarray(own.root) != 0).any(axis=(-2, -1))[..., None], 0.0, own.support)
+    held = mesentery_tension(xp, place, own.slack, own.hold, support, spacing)
     return xp.concatenate([along, xp.zeros_like(held[..., :1])], axis=-1), held

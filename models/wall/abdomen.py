@@ -47,6 +47,9 @@ class Abdomen:
     """Let the abdominal wall and the organs around hold the colon in (`haustra.models.wall.surroundings`)."""
     breathing: bool = False
     """Let quiet breath move what the colon hangs on, most below the diaphragm."""
+    rooted: bool = False
+    """Let mesenteries hang from their roots, which run straight from end to end of their segments; otherwise from where
+    the colon lay when it was imaged, so that a loop that is straightened further than its mesentery is high is held."""
     loops_touch: bool = False
     """Let loops of the colon press on each other where they meet (`haustra.models.wall.loops`)."""
     torsion: bool = True
@@ -63,6 +66,7 @@ class Abdomen:
             "loops of colon against each other": (self.loops_touch, "they pass through each other"),
             "abdominal wall and organs around": (self.envelope, "nothing stands in the way of a colon that moves out"),
             "breathing": (self.breathing, "what the colon hangs on stands still"),
+            "roots of mesenteries": (self.rooted, "loops are held back alike whichever way they move"),
             "torsion of the colon": (self.torsion, "it twists without resistance where nothing holds it upright"),
             "mobile descending and ascending colon": (self.mobile, "both have grown to the back wall"),
             "adhesions": (self.adhesions, "sigmoid and transverse colon hang on their mesenteries throughout"),

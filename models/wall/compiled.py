@@ -815,6 +815,7 @@ def _step_axis(
             if surrounded:
                 pressed, stiffness = _enveloped(own, world, i, at, breathed)
                 at = add(at, times(breathed * own.sway[world, i], _node(own.body, world, 2)))
+            at = add(at, _node(own.root, world, i))
             _put_more(pulled, 0, i, add(pressed, times(gripped[i], _node(speed, world, i))))
             _put_more(pulled, 0, i, _node(drawn, world, i))
             _put_more(pulled, 0, i, hold_force(np, at, own.slack[world, i], own.hold[world, i], own.support[world, i]))

@@ -59,11 +59,13 @@ class Mesentery(NamedTuple):
     torsion: Any
     """(nodes - 1,) GJ of the tube over the spacing [N m]."""
     slack: Any
-    """(nodes,) how far a node moves before its mesentery is taut [m]."""
+    """(nodes,) how far a node may be from what it hangs on before its mesentery is taut [m]."""
     hold: Any
     """(nodes,) stiffness of the taut mesentery, or of what a fixed segment has grown to [N/m]."""
     support: Any
     """(nodes,) stiffness of what lies around [N/m]."""
+    root: Any
+    """(nodes, 3) from what a node hangs on to where it is at rest [m]; 0 where that is where it was imaged."""
     drag: Any
     """(nodes,) damping [N s/m]."""
     upright: Any
@@ -102,6 +104,11 @@ class Mesentery(NamedTuple):
         return bool(np.any(self.walls) or np.any(self.breaths))
 
     @property
+    def rooted(self) -> bool:
+        """Whether mesenteries hang from their roots (`Abdomen.rooted`)."""
+        return bool(np.any(self.root))
+
+    @property
     def touching(self) -> bool:
         """Whether loops touch each other (`haustra.models.wall.loops`)."""
         return bool(np.any(self.touch))
@@ -138,6 +145,7 @@ def hang(
     apart, alike = (np.linalg.norm(sign * edges[1:] + edges[:-1], axis=1) for sign in (-1, 1))
     turns[1:-1] = 2 * apart / alike
     around = abdomen or Abdomen()
+    root = np.zeros((count, 3))
     slack, thickness = np.zeros(count), np.full(count, numbers["mesentery.thickness.other"])
     hand, freed = np.zeros(count, dtype=bool), {"sigmoid", "transverse", *around.mobile}
     hold = np.full(count, numbers["mesentery.attachment"])
@@ -148,9 +156,12 @@ def hang(
         if height and segment.name in freed:
             slack[inside] = height * np.minimum(1.0, _RISE * np.sin(np.pi * share))
             hold[inside] = numbers["mesentery.stiffness"]
+            if around.rooted:
+                root[inside] = _from_root(nodes[inside])
+                slack[inside] += np.linalg.norm(root[inside], axis=1)
         middle = np.abs(own - (segment.start + segment.end) / 2) <= numbers["mesentery.grip"] / 2
         if segment.name in around.adhesions:
-            slack[middle], hold[middle] = 0.0, numbers["mesentery.attachment"]
+            root[middle], slack[middle], hold[middle] = 0.0, 0.0, numbers["mesentery.attachment"]
         if segment.name == around.pressed:
             hand |= middle
         thickness[inside] = numbers.get(f"mesentery.thickness.{segment.name}", thickness[0])
@@ -185,10 +196,11 @@ def hang(
         slack=slack,
         hold=hold,
         support=support,
+        root=root,
         drag=drag,
         upright=upright,
         turn_drag=drag * tube_radius**2,
-        load=turned_weight(around.posture, weight),
+        load=turned_weight(around.posture, weight) + support[:, None] * root,  # support is from where it is at rest
         room=room,
         sway=swayed(nodes, breaths[0]) * around.breathing,
         body=np.eye(3),
@@ -200,6 +212,12 @@ def hang(
         pleating=np.float64(numbers["mesentery.pleating"]),
         spacing=np.float64(spacing),
     )
+
+
+def _from_root(nodes: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "nodes 3"]:
+    """From the root of a segment's mesentery to its nodes [m]: the root runs straight between the segment's ends."""
+    share = np.linspace(0.0, 1.0, len(nodes))[:, None]
+    return nodes - (nodes[:1] + share * (nodes[-1:] - nodes[:1]))
 
 
 def axis_nodes(
@@ -251,6 +269,7 @@ def seen_from(own: Mesentery, origin: Float[np.ndarray, "3"], axes: Float[np.nda
         ways=np.hstack([own.ways[:, :1], own.ways[:, 1:] @ axes]),
         closings=own.closings @ axes,
         load=own.load @ axes,
+        root=own.root @ axes,
         body=own.body @ axes,
         down=own.down @ axes,
     )
@@ -293,6 +312,7 @@ def _filled(own: Mesentery, more: int) -> Mesentery:
         slack=grown(own.slack, 0.0),
         hold=grown(own.hold, float(own.hold[-1])),
         support=grown(own.support, float(own.support[0])),
+        root=grown(own.root, 0.0),
         drag=grown(own.drag, float(own.drag[0])),
         upright=grown(own.upright, float(own.upright[-1])),
         turn_drag=grown(own.turn_drag, float(own.turn_drag[0])),

@@ -152,7 +152,10 @@ def bend_stiffness(xp: Any, bending: Any, facing: Any) -> Any:
 
 
 def hold_force(xp: Any, place: Vector, slack: Any, hold: Any, support: Any) -> Vector:
-    """Force of mesentery and surroundings on a node [N]."""
+    """Force of mesentery and surroundings on a node [N], so far from what it hangs on [m].
+
+    Where that is a root, a part of the node's load makes up for surroundings that pull from where it is at rest.
+    """
     moved = norm(xp, place)
     return times(-hold * xp.maximum(moved - slack, 0.0) / moved - support, place)
 
@@ -553,7 +556,7 @@ def _surroundings(xp: Any, own: Mesentery, pose: Array, time: Array | None, foun
 def _outside(xp: Any, own: Mesentery, pose: Array, time: Array | None) -> _Surroundings:
     place, none = vectors.of(pose), xp.zeros_like(pose[..., 0])
     if time is None:
-        return _Surroundings(place, (none, none, none), none, none)
+        return _Surroundings(add(place, vectors.of(own.root)), (none, none, none), none, none)
     left, back, head = (vectors.of(own.body[:, i, None, :]) for i in range(3))
     drawn = breath(xp, own.breaths[:, 1], time)[:, None]
     walls = own.walls[:, 0, None], own.walls[:, 1, None]

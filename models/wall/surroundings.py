@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from haustra.models.wall.vectors import Vector, add, dot, times, where
+from haustra.models.wall.vectors import Vector, add, dot, of, times, where
 
 SIDES = ("right", "front", "feet", "left", "back", "head")
 """Where the envelope's walls stand, in the order of all that is told of each: against the patient's directions (to the
@@ -73,7 +73,7 @@ def envelope_energy(
 
 
 def hung(xp: Any, own: Any, place: Vector, time: Any) -> Vector:
-    """How far nodes of axes are from what they hang on, which breath moves [m].
+    """How far nodes of axes are from what they hang on, which may be a root, and breath moves [m].
 
     Args:
         xp: numpy or jax.numpy.
@@ -83,6 +83,7 @@ def hung(xp: Any, own: Any, place: Vector, time: Any) -> Vector:
     """
     drawn = breath(xp, xp.asarray(own.breaths)[..., 1], time)[..., None]
     head = xp.asarray(own.body)[..., 2, None, :]
+    place = add(place, of(own.root))
     return add(place, times(drawn * own.sway, (head[..., 0], head[..., 1], head[..., 2])))
 
 

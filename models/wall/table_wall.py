@@ -20,6 +20,7 @@ from haustra.models.wall.loops import MARGIN
 from haustra.models.wall.lumen_table import LumenTable, Tables, pick, stack
 from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.moving_colon import AT_REST, POSE, AxisDisplacement, AxisShape
+from haustra.models.wall.threads import threaded_arc
 
 _FIXED, _ONE = np.zeros((0, 0, 0)), np.zeros(1, int)
 
@@ -135,11 +136,21 @@ class TableWalls:
         return self._borne if loops().thread(*given) else None
 
     def arcs_of(
-        self, points: Float[np.ndarray, "worlds points 3"], arcs: Float[np.ndarray, "worlds points"]
+        self,
+        points: Float[np.ndarray, "worlds points 3"],
+        arcs: Float[np.ndarray, "worlds points"],
+        *,
+        beyond: Float[np.ndarray, "worlds 3"] | None = None,
     ) -> Float[np.ndarray, "worlds points"]:
         """Arc lengths of other places than the spheres' [m], which were near `arcs` [m] at the last look.
 
         One look leaves in bends a share of the way since the last, which may be many time steps ago: there are two.
+
+        Args:
+            points: the places [m].
+            arcs: theirs at the last look [m].
+            beyond: the last sphere's middle, where the places follow that on a shaft [m]
+                (`haustra.models.wall.threads`).
         """
         worlds, found = np.arange(len(points)), arcs.copy()
         rest, lever, speed = np.zeros(arcs.shape), np.zeros(points.shape), np.zeros(points.shape)
@@ -149,7 +160,9 @@ class TableWalls:
             else:
                 about = self._tables, self._own, worlds, *self.displacement, self._shape, self._radius, False
                 loops().query_moved(*about, points, found, rest, np.zeros(points.shape), lever, speed)
-        return found
+        if beyond is None or self.displacement is None:
+            return found
+        return threaded_arc(np, found, self.arcs[:, -1:], np.linalg.norm(points - beyond[:, None], axis=-1))
 
     def resume(self, other: "TableWalls") -> None:
         """Take over where the same colons have moved to in another scene."""

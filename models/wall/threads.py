@@ -7,8 +7,9 @@ further from the shaft than the lumen is wide is drawn to it (`ring_force`), and
 nearest. That is the force of an energy of distances between nodes and straight pieces of shaft: it is across the shaft,
 as of a ring that slides on it. It is none where spheres hold the colon, as they do in most runs.
 
-Nor is a sphere looked up further beyond the one before it than the colon between them can be packed (`threaded_arc`): a
-shaft that is pulled taut across a loop would else leave it, and stand in the wall of either leg as in a hook.
+Nor is a sphere, or the tip, looked up further beyond the sphere before it than the colon between them can be packed
+(`threaded_arc`): a shaft that is pulled taut across a loop would else leave it, and stand in the wall of either leg as
+in a hook, and a tip in a sharp bend would be beyond it before it is round.
 """
 
 from typing import Any, NamedTuple
@@ -34,7 +35,7 @@ against each other, at 0.35 of their length, and are pressed by a hand's 32 N, t
 
 
 def threaded_arc(xp: Any, arc: Any, upto: Any, apart: Any) -> Any:
-    """Arc length at which a sphere of a shaft is looked up [m], which is nearest to it on the axis or nearer the anus.
+    """Arc length at which a sphere or the tip of a shaft is looked up [m]: that nearest to it or one nearer the anus.
 
     Args:
         xp: numpy or jax.numpy.

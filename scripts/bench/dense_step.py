@@ -56,7 +56,7 @@ class DenseStep:
             found, grip = query(np, tables, places, now.arcs), None
         else:
             about = tables, now.displacement, places, now.arcs, scope.radius
-            found, grip = moving_colon.query(np, *about, threaded=places.shape[1] - 1)
+            found, grip = moving_colon.query(np, *about, threaded=places.shape[1])
             grip = AttachmentPoints(grip.arcs[:, :-1], grip.lever[:, :-1])
         inwards = found.inwards[:, :-1]
         # Of the surface: centres move by the first part, and the second says how links turn.

@@ -370,6 +370,7 @@ class Axis:
                 force, gripped = add(force, pressed), gripped + h * stiffness
             pressed, stiffness = self.threads.of(own)
             force, gripped = add(force, pressed), gripped + h * stiffness
+            place = self._from_root(own, place)
             force = add(force, hold_force(xp, place, *springs))
             force = add(force, minus(pull, pulls(*pull)))
             resists = node_resistance(xp, place, *springs, drag, gripped, h)
@@ -450,10 +451,16 @@ class Axis:
         rest, tension, slack, hold, support = (self._number(at, name) for name in names)
         if around := self._surroundings():
             place = around(at, place)[0]
+        place = self._from_root(at, place)
         lengths = norm(xp, minus(self._now(at.back(-1)), self._now(at))), rest
         along = axial_tension(xp, *lengths, tension, self._of_world("pleating"), radius)
+        support = 0.0 if self.layout.rooted else support
         held = mesentery_tension(xp, place, slack, hold, support, self._of_world("spacing"))
         return xp.where(node < self.nodes - 1, along, 0.0), held
+
+    def _from_root(self, at: Nodes, place: Vector) -> Vector:
+        """How far a node is from what it hangs on, given how far from where that had it at rest [m]."""
+        return add(place, self._vector(at, "root")) if self.layout.rooted else place
 
     def _surroundings(self) -> Callable[[Nodes, Vector], tuple[Vector, Vector, Value]] | None:
         """What says of nodes how far they are from what they hang on, what the envelope does, and how stiffly."""

@@ -136,7 +136,7 @@ class LinearBackend(AbstractBackend):
         moving = tables.mesentery
         nodes = 0 if moving is None else moving.nodes.shape[1]
         abreast = lanes_of(real) if worlds == 1 and device == "cpu" and not directions else 1
-        around = {name: moving is not None and getattr(moving, name) for name in ("surrounded", "touching")}
+        around = {name: moving is not None and getattr(moving, name) for name in ("surrounded", "rooted", "touching")}
         by_turns = not directions and (device == "cuda" or (worlds == 1 and abreast == 1))
         self._layout = replace(
             structure.layout, nodes=nodes, abreast=abreast, moving=moving is not None, by_turns=by_turns, **around

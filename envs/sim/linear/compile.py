@@ -68,6 +68,7 @@ def write_program(
     one_design: bool,
     moving: bool,
     surrounded: bool = False,
+    rooted: bool = False,
     touching: bool = False,
     wheels: bool = False,
     gas: bool = False,
@@ -86,6 +87,7 @@ def write_program(
         one_design: whether all worlds have the same design; else each has its own.
         moving: whether colons move on their mesentery.
         surrounded: whether those have an envelope or breath around them.
+        rooted: whether their mesenteries hang from their roots.
         touching: whether their loops touch.
         wheels: whether hands ask for travel of wires, which are springs then, instead of pulls.
         gas: whether gas sets how wide lumens are.
@@ -95,7 +97,7 @@ def write_program(
         wall: what else `ScopeProgram` is told of the wall.
     """
     program, arrays, counts, (steps, row, first, last) = _begun(lanes, real, directions=directions)
-    around = {"moving": moving, "surrounded": surrounded, "touching": touching}
+    around = {"moving": moving, "surrounded": surrounded, "rooted": rooted, "touching": touching}
     around["by_turns"] = lanes == 1 and abreast == 1 and not directions
     with program.loop(first, last) as block:
         layout = Layout(*counts[:-1], wheels=wheels, abreast=abreast, **around)
@@ -124,6 +126,7 @@ def write_kernel(
     one_design: bool,
     moving: bool,
     surrounded: bool = False,
+    rooted: bool = False,
     touching: bool = False,
     wheels: bool = False,
     driver: Driver | None = None,
@@ -134,7 +137,7 @@ def write_kernel(
     `group` worlds are a block: their numbers lie side by side, and their threads are placed together.
     """
     program, arrays, counts, (steps, row, _, worlds) = _begun(1, real, approximate=True)
-    around = {"moving": moving, "surrounded": surrounded, "touching": touching, "by_turns": True}
+    around = {"moving": moving, "surrounded": surrounded, "rooted": rooted, "touching": touching, "by_turns": True}
     program.fetches = True
     if moving and not one_design and group == WARP:
         program.limit_registers(_REGISTERS)

@@ -40,6 +40,9 @@ AROUND = ("room", "room_front", "room_feet", "room_left", "room_back", "room_hea
           "breaths", "left", "left_y", "left_z", "back", "back_y", "back_z", "head", "head_y", "head_z")  # fmt: skip
 """What is behind those where there is an envelope or breath; from 'front' on the same at all nodes of a colon."""
 
+ROOT = ("root", "root_y", "root_z", "_")
+"""What is behind those where mesenteries hang from their roots, and what fills a four."""
+
 LOOPS = ("girth", "touch", "between", "_")
 """What is last where loops touch: thickness of each node for others, stiffness, spacing, and what fills a four."""
 
@@ -65,6 +68,8 @@ class Layout:
     """Nodes of one axis that stand side by side; their numbers then lie by what they are, and else by node."""
     surrounded: bool = False
     """Whether nodes feel an envelope or breath (`haustra.models.wall.surroundings`)."""
+    rooted: bool = False
+    """Whether mesenteries hang from their roots (`haustra.models.wall.mesentery`)."""
     touching: bool = False
     """Whether loops of the colon touch each other (`haustra.models.wall.loops`)."""
     moving: bool = False
@@ -75,7 +80,12 @@ class Layout:
     @property
     def columns(self) -> tuple[str, ...]:
         """Numbers of each node of the axis at rest."""
-        return AXIS + (AROUND if self.surrounded else ()) + (LOOPS if self.touching else ())
+        return (
+            AXIS
+            + (AROUND if self.surrounded else ())
+            + (ROOT if self.rooted else ())
+            + (LOOPS if self.touching else ())
+        )
 
     @property
     def speeds(self) -> Any:

@@ -118,8 +118,11 @@ def pack_axis(own: Mesentery, columns: tuple[str, ...]) -> Float[np.ndarray, "no
         InvalidOptionError: when a mesentery holds NaN, which laws that take the larger of two numbers would pass over;
             when it has neighbours that the program leaves out.
     """
-    if (own.surrounded and "room" not in columns) or (own.touching and "girth" not in columns):
-        raise InvalidOptionError("An envelope, breath or loops that touch cannot be added to colons: begin with them.")
+    added = {"room": own.surrounded, "root": own.rooted, "girth": own.touching}
+    if any(there and name not in columns for name, there in added.items()):
+        raise InvalidOptionError(
+            "An envelope, breath, roots or loops that touch cannot be added to colons: begin with them."
+        )
     if any(np.isnan(part).any() for part in own):
         raise InvalidOptionError("A colon's mesentery holds what is no number: give it numbers.")
     colons, nodes = own.turns.shape
@@ -140,6 +143,8 @@ def pack_axis(own: Mesentery, columns: tuple[str, ...]) -> Float[np.ndarray, "no
         alike = np.broadcast_to(alike[:, None], (colons, nodes, alike.shape[1]))
         around = np.concatenate([own.room, own.sway[..., None], alike], axis=2)
         rows[..., columns.index("room") :][..., : len(AROUND)] = around
+    if "root" in columns:
+        rows[..., columns.index("root") :][..., :3] = own.root
     if "girth" in columns:
         rows[..., columns.index("girth")] = own.girth
         rows[..., columns.index("touch")], rows[..., columns.index("between")] = (

@@ -396,7 +396,7 @@ class ScopeProgram:
         slot = self.layout.arcs + self.spheres
         place = add(tip.place, times(self.scope("tip"), tip.axis))
         before = self.state.load(slot)
-        self.state.store(slot, self.program.xp.where(self.going, self.nearest(place, before)[0], before))
+        self.state.store(slot, self.program.xp.where(self.going, self._followed(place, before)[0], before))
 
     def _meet(self, body: Value, link: "Link") -> None:
         """What a link's velocity needs, and what its spheres meet."""
@@ -456,7 +456,7 @@ class ScopeProgram:
         state.fetch(layout.arcs + sphere + 2)
         self.now.fetch(layout.normals + sphere + 2)
         before = state.load_next(layout.arcs + sphere)
-        arc, rest = self._followed(sphere, centre, before)
+        arc, rest = self._followed(centre, before)
         self._keep_arc(sphere, before, arc)
         arc = self._to_look_up(sphere, arc)
         carried = self.now.load_next(layout.normals + sphere) > 0
@@ -513,15 +513,14 @@ class ScopeProgram:
         """Before the first sphere from the shaft's end, whose arc length nothing bounds."""
         self._follows = Before(self.program, *_NONE, _UNBOUND)
 
-    def _followed(self, sphere: Value, centre: Vector, arc: Value) -> tuple[Value, Vector]:
-        """`nearest` of a sphere that follows the one before it on the shaft, in a colon that moves."""
+    def _followed(self, centre: Vector, arc: Value) -> tuple[Value, Vector]:
+        """`nearest` of a sphere, or the tip, that follows the sphere before it on the shaft, in a colon that moves."""
         xp = self.program.xp
         found, rest = self.nearest(centre, arc)
         if not self.axis:
             return found, rest
         *last, upto = self._follows(*centre, arc)
-        bound = threaded_arc(xp, found, upto, norm(xp, minus(centre, (last[0], last[1], last[2]))))
-        return xp.where(self.program.numbered(sphere) < self.spheres, bound, found), rest
+        return threaded_arc(xp, found, upto, norm(xp, minus(centre, (last[0], last[1], last[2])))), rest
 
     def nearest(self, place: Vector, arc: Value) -> tuple[Value, Vector]:
         """Arc length next to a place that was near `arc`, and where the place stands in the colon at rest."""
@@ -838,7 +837,7 @@ class ScopeProgram:
     def _press(self, sphere: Value, middle: Vector, deepest: Variable, feel: Callable[[Vector], None]) -> None:
         """How deep a sphere is, and with what force it presses."""
         program, xp, layout = self.program, self.program.xp, self.layout
-        arc, rest = self._followed(sphere, middle, self.state.load_next(layout.arcs + sphere))
+        arc, rest = self._followed(middle, self.state.load_next(layout.arcs + sphere))
         arc = self._to_look_up(sphere, arc)
         with program.when(arc > 0):
             depth, normal, _, _ = self.wall(rest, arc, near=False)

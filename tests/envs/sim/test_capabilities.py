@@ -335,7 +335,8 @@ REFUSALS = {
     "scene.friction_rise": replace(OPTIONS, wall_law="table", softening=False, friction_rise=0.78),
 }
 AROUND = {
-    f"scene.abdomen.{name}" for name in ("mobile", "adhesions", "pressed", "hand", "envelope", "breathing", "torsion")
+    f"scene.abdomen.{name}"
+    for name in ("mobile", "adhesions", "pressed", "hand", "rooted", "envelope", "breathing", "torsion")
 }
 """Fields of the patient around a colon that moves: `test_moving_native.py` beside this one."""
 WITH_GAS = {"scene.gas_flow", "scene.gas_start"}

@@ -95,8 +95,9 @@ def test_one_scene_goes_as_in_linear_time(colon) -> None:
         Abdomen(posture="right", adhesions=("sigmoid",)),
         Abdomen(pressed="sigmoid", hand=60.0, envelope=True, breathing=True),
         Abdomen(pressed="sigmoid", hand=20.0, loops_touch=True),
+        Abdomen(pressed="sigmoid", hand=60.0, rooted=True),
     ],
-    ids=["posture", "hand", "mobile", "adhesions", "surroundings", "loops"],
+    ids=["posture", "hand", "mobile", "adhesions", "surroundings", "loops", "roots"],
 )
 def test_what_the_colon_lies_in_moves_it_alike_on_all_backends(colon, around) -> None:
     """The scope at rest: the axis sags or gives way to the hand, within 0.1 mm alike natively and in linear time."""

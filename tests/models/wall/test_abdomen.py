@@ -100,11 +100,12 @@ def test_a_hand_goes_no_deeper_than_the_belly_that_bears_it() -> None:
 
 
 def test_what_is_off_is_named_and_a_tube_without_torsion_has_none() -> None:
-    on = Abdomen("left", ("ascending",), ("sigmoid",), "sigmoid", envelope=True, breathing=True, loops_touch=True)
+    around = {"envelope": True, "breathing": True, "rooted": True, "loops_touch": True}
+    on = Abdomen("left", ("ascending",), ("sigmoid",), "sigmoid", **around)
     assert on.left_out() == {} and not _hung(Abdomen(torsion=False)).torsion.any() and (_hung().torsion > 0).all()
     scene = build_scene(straight_tube(), None, named_design("adult"), SceneOptions(wall_law="table", mesentery=True))
     off = {"loops of colon against each other", "breathing", "adhesions", "a hand on the belly"}
-    off |= {"abdominal wall and organs around", "mobile descending and ascending colon"}
+    off |= {"abdominal wall and organs around", "mobile descending and ascending colon", "roots of mesenteries"}
     assert off == set(Abdomen().left_out()) and off <= set(scene.left_out)
     assert set(Abdomen(torsion=False).left_out()) - off == {"torsion of the colon"}
 

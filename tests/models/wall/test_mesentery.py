@@ -2,10 +2,14 @@
 
 import numpy as np
 import pytest
+from runtime_types import unchecked
 
 from haustra.assets import asset
 from haustra.models.anatomy.colon import ColonSegment
 from haustra.models.anatomy.landmarks import SEGMENTS
+from haustra.models.injury.pain import axis_tensions
+from haustra.models.wall import moving_colon
+from haustra.models.wall.abdomen import Abdomen
 from haustra.models.wall.mesentery import INDENTED, NODE_SPACING, Mesentery, hang, seen_from, stack
 from haustra.quantity import load_quantities
 
@@ -86,3 +90,43 @@ def test_it_looks_the_same_from_elsewhere() -> None:
     other = seen_from(own, np.array([0.1, 0.2, 0.3]), turn)
     assert np.linalg.norm(np.diff(other.nodes, axis=0), axis=1) == pytest.approx(own.lengths)
     assert other.tangents @ turn.T == pytest.approx(own.tangents)
+
+
+def _loop(abdomen: Abdomen) -> Mesentery:
+    """A sigmoid that bows aside by 0.12 m between ends that are 0.24 m apart."""
+    turns = np.linspace(0.0, np.pi, 400)
+    points = 0.12 * np.column_stack([1 - np.cos(turns), 0 * turns, np.sin(turns)])
+    whole = 0.12 * np.pi
+    return hang(points, 0.12 * turns, np.full(400, _RADIUS), [ColonSegment("sigmoid", 0.0, whole)], abdomen=abdomen)
+
+
+def test_a_loop_may_be_straightened_onto_the_root_of_its_mesentery() -> None:
+    """And be pushed as far out as without one: both tensions are 7 kN/m^2 a millimetre beyond the mesentery's height.
+
+    Where mesenteries hang from where the colon was imaged, straightening draws on them by what a loop is higher.
+    """
+    rooted, imaged = _loop(Abdomen(rooted=True)), _loop(Abdomen())
+    middle = len(rooted.nodes) // 2
+    root = rooted.nodes[middle] - rooted.root[middle]
+    assert rooted.rooted and not imaged.rooted
+    assert root == pytest.approx((rooted.nodes[0] + rooted.nodes[-1]) / 2, abs=float(rooted.spacing))
+    height = imaged.slack[middle]
+    out = rooted.root[middle] / np.linalg.norm(rooted.root[middle])
+    for own, straightened in ((rooted, 0.0), (imaged, _NUMBERS["mesentery.stiffness"] * (0.12 - height))):
+        placed = np.zeros((1, len(own.nodes), 7))
+        placed[0, middle, :3] = root - own.nodes[middle]
+        held = axis_tensions(np, own, placed, np.full(len(own.nodes), _RADIUS))[1][0, middle]
+        assert held == pytest.approx(straightened, rel=0.3, abs=1e-3)
+        placed[0, middle, :3] = (height + 0.001) * out
+        held = axis_tensions(np, own, placed, np.full(len(own.nodes), _RADIUS))[1][0, middle]
+        around = 0.0 if own.rooted else _NUMBERS["mesentery.support"] * (height + 0.001)
+        assert held == pytest.approx(_NUMBERS["mesentery.stiffness"] * 0.001 + around, rel=1e-6)
+
+
+def test_a_colon_that_hangs_from_its_root_is_at_rest_where_it_was_imaged() -> None:
+    own = stack([_loop(Abdomen(rooted=True))])
+    still = moving_colon.at_rest(np, own, 1, float)
+    none = np.zeros((1, own.nodes.shape[1], 3, 3))
+    with unchecked():
+        force, _ = moving_colon.spring_forces(np, own, still.pose, none)
+    assert np.abs(force).max() < 1e-6

@@ -1,5 +1,6 @@
 """An envelope and breath around a colon that moves: forces against energies, and balances that are known."""
 
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -30,6 +31,7 @@ from tests.models.wall.conftest import swept_colon
 from tests.models.wall.quickly import jitted
 
 _BOTH = Abdomen(envelope=True, breathing=True)
+_ROOTED = Abdomen(envelope=True, breathing=True, rooted=True)
 _NUMBERS = {name: each.value for name, each in load_quantities(asset("numbers/mesentery.toml")).items()}
 _MARGIN, _WHOLE = _NUMBERS["mesentery.envelope.margin"], 0.5 / _NUMBERS["mesentery.breath.rate"]
 """Margin of the envelope [m], and when a whole breath is in [s]."""
@@ -83,7 +85,7 @@ def test_forces_are_the_slope_of_the_energy_in_any_coordinates() -> None:
         return moving_colon.energy(jnp, own, jnp.concatenate([place, pose[..., 3:]], axis=-1), time).sum()
 
     slope_of = jitted(jax.grad(energy))
-    for own in (_bow(), seen_from(_bow(), np.array([0.1, 0.2, 0.3]), turn)):
+    for own in (_bow(), _bow(_ROOTED), seen_from(_bow(_ROOTED), np.array([0.1, 0.2, 0.3]), turn)):
         pose, _ = _about(own)
         own, time = stacked([own]), np.full(1, 0.4 * _WHOLE)
         plain = own._replace(tension=0 * own.tension, bending=0 * own.bending, torsion=0 * own.torsion)
@@ -146,19 +148,21 @@ def test_a_mesentery_that_breath_moves_hurts_by_how_far_it_is_drawn_from_there()
     assert axis_tensions(np, own, still, radius)[1].max() < 1e-3
 
 
-def test_programs_that_began_without_refuse_surroundings_and_loops_that_touch() -> None:
+def test_programs_that_began_without_refuse_surroundings_roots_and_loops_that_touch() -> None:
     assert pack_axis(stacked([_bow(Abdomen())]), AXIS).shape[1] == len(AXIS)
-    for around in (Abdomen(envelope=True), Abdomen(breathing=True), Abdomen(loops_touch=True)):
+    for around in (Abdomen(envelope=True), Abdomen(breathing=True), Abdomen(rooted=True), Abdomen(loops_touch=True)):
         with pytest.raises(InvalidOptionError, match="begin with them"):
             pack_axis(stacked([_bow(around)]), AXIS)
 
 
-def test_numpy_jax_and_compiled_loops_step_alike() -> None:
+@pytest.mark.parametrize("around", [_BOTH, _ROOTED], ids=["imaged", "rooted"])
+def test_numpy_jax_and_compiled_loops_step_alike(around: Abdomen) -> None:
     random = np.random.default_rng(4)
     colon = swept_colon(winding([(0.08, 0.0), (0.1, 1.6), (0.1, 0.0)]), name="bend")
-    tables = stack([lumen_table(colon, device_radius=0.006, with_mesentery=True, abdomen=_BOTH).tables])
+    colon = replace(colon, segments=(ColonSegment("sigmoid", 0.05, colon.centreline.length),))
+    tables = stack([lumen_table(colon, device_radius=0.006, with_mesentery=True, abdomen=around).tables])
     own = pick(tables, np.array([0])).mesentery
-    assert own is not None
+    assert own is not None and own.rooted == around.rooted
     walls = TableWalls(tables, 1, 1, radius=0.006)
     now = walls.displacement
     assert now is not None

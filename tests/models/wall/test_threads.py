@@ -218,6 +218,22 @@ def test_a_shaft_that_is_pulled_taut_across_a_loop_does_not_leave_it(threaded: b
         arcs = law.arcs
 
 
+def test_a_tip_is_looked_up_no_further_beyond_the_last_sphere_than_folds_can_be_packed() -> None:
+    """Taken for one beside it in the other leg of a bend, it is back in its own; by itself it stays there."""
+    colon = swept_colon(winding([(0.1, 0.0), (0.08, np.pi), (0.1, 0.0)]), name="hairpin")
+    tables = stack_tables([lumen_table(colon, device_radius=0.006, with_mesentery=True).tables])
+    x = np.linspace(0.0, 0.06, 7)
+    points = np.column_stack([x, 0 * x, 0 * x])[None]
+    walls = TableWalls(tables, 1, 7, radius=0.006, threaded=True)
+    walls.begin(np.zeros(1, int), np.zeros(1, int), x[None])
+    walls.look(np.zeros(1, int), points)
+    tip = points[:, -1:] + np.array([0.005, 0.0, 0.0])
+    taken = np.full((1, 1), 0.28 - 0.065)
+    assert walls.arcs_of(tip, taken)[0, 0] > 0.2
+    found = walls.arcs_of(tip, taken, beyond=points[:, -1])
+    assert found[0, 0] == pytest.approx(walls.arcs[0, -1] + threads.PACKED * 0.005)
+
+
 def test_what_is_pressed_through_the_caecum_stays_at_the_colons_end() -> None:
     """Beside a longer colon too: nodes that fill up the shorter one's axis lie metres away, and are no colon."""
     parts = [[(0.1, 0.0), (0.1, 0.5), (0.1, 0.0)], [(0.1, 0.0), (0.1, 0.5), (0.2, 0.0)]]

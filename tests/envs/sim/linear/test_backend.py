@@ -11,8 +11,12 @@ from haustra.envs.sim.scope_reading import read_scope, stack_scopes
 from haustra.envs.sim.state import Controls
 from haustra.errors import InvalidOptionError
 from haustra.models.devices.scope.library import named_design
+from haustra.models.scene import SceneOptions, build_scene, entry_of
+from haustra.models.wall.lumen_table import lumen_table, stack
 from haustra.models.wall.sections import SHORTEST
 from haustra.scripts.bench.linear import SIZES, bank_of, conditions, driven, gather, largest_difference, miss, resized
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
 
 
 @cache
@@ -53,6 +57,28 @@ def test_a_step_is_the_dense_step_where_a_shaft_has_missed_a_loop():
         assert largest_difference(bank, worlds=worlds, instants=3, before_step=miss) < 1e-9
     apart = np.diff(state.arcs[:, :-1], axis=1).max(axis=1)
     assert (apart > 0.07).all()
+
+
+def test_a_tip_is_looked_up_no_further_beyond_the_shaft_than_folds_can_be_packed():
+    """In lanes and alone: a tip that is taken for one in the other leg of a bend would else stay there."""
+    colon = swept_colon(winding([(0.2, 0.0), (0.08, np.pi), (0.2, 0.0)]), name="hairpin")
+    options = SceneOptions(wall_law="table", softening=False, mesentery=True, insertion_limit=0.3, start_depth=0.15)
+    design = named_design("adult")
+    scene = build_scene(colon, None, design, options, show_lumen=False)
+    table = lumen_table(colon, device_radius=design.diameter / 2, with_mesentery=True).seen_from(*entry_of(colon))
+    for worlds in (10, 1):
+        backend = LinearBackend(scene, stack([table]), worlds=worlds)
+        still = Controls(np.zeros(worlds), np.zeros(worlds), np.zeros((worlds, 4)))
+        assert backend.step(still, 4).all()
+        known = backend.read().tip_arc
+        for world in range(worlds):
+            now = backend.snapshot(world)
+            tip = 2 * backend.positions().shape[1] + len(now.arcs)
+            assert now.state[tip] == pytest.approx(known[world])
+            now.state[tip] = 0.48 - known[world]  # beside it in the other leg
+            backend.restore(world, now)
+        assert backend.step(still, 4).all()
+        assert backend.read().tip_arc == pytest.approx(known, abs=2e-3)
 
 
 def test_single_precision_stays_with_double(bank):
