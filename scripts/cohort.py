@@ -29,6 +29,8 @@ class Cohort:
     """Longest examination [s]; that of the cohort named when not given."""
     seed: int = whole(0, 2**32 - 1, default=0)
     """Seed of the Latin hypercube that patients are drawn by."""
+    rooted: bool = True
+    """Let mesenteries hang from their roots; otherwise from where colons were imaged."""
     resume: bool = False
     """Go on with what the folder holds."""
     backend: Literal["linear", "linear-gpu"] = "linear"
@@ -51,7 +53,7 @@ class Cohort:
         from haustra.scripts.console import progress_bar
 
         asked = {"drivers": self.driver, "devices": self.device, "patients": self.patients, "seconds": self.seconds}
-        study = cohort_study(self.name, **asked, seed=self.seed)
+        study = cohort_study(self.name, **asked, seed=self.seed, rooted=self.rooted)
         began = time.monotonic()
         with progress_bar(study.title, 1, unit="patients") as advance:
             run_sweep(

@@ -17,5 +17,5 @@ def require_learning(*names: str) -> None:
     missing = [name for name in names if not find_spec(name)]
     if missing:
         raise MissingDependencyError(
-            f"Learning needs {', '.join(missing)}: install haustra[rl] (CPU torch: docs/how-to/navigation.md)."
+            f"Learning needs {', '.join(missing)}: install haustra[rl] (CPU torch: docs/how-to/train.md)."
         )

@@ -36,26 +36,6 @@ def _written_without_checks() -> None:
 _written_without_checks()
 
 
-def _episodes_share_programs() -> None:
-    """Write one program for all tasks that differ only in what programs do not read."""
-    from haustra.envs.sim.linear import place
-
-    written = place.write_program
-
-    def write(*, driver: Any = None, **about: Any) -> str:
-        if driver is not None:
-            from tests.shared_programs import read_by_programs
-
-            driver = read_by_programs(driver)
-        return written(driver=driver, **about)
-
-    vars(write).update(cache_clear=written.cache_clear)  # a backend may be asked to forget what was written
-    place.write_program = write
-
-
-_episodes_share_programs()
-
-
 def pytest_configure(config: pytest.Config) -> None:
     """Bring compiled code before workers start: once a run."""
     if not hasattr(config, "workerinput"):

@@ -65,6 +65,8 @@ class CohortOptions:
     """Longest insertion [s]: a caecum reached within 16 min counts as a quality bar."""
     timestep: float = number("s", 1e-5, 0.02, default=0.005)
     """Integration step [s]."""
+    rooted: bool = True
+    """Whether mesenteries hang from their roots; otherwise from where colons were imaged, as in other runs."""
     stiffen_in: Literal["never", "descending", "transverse", "ascending"] = "never"
     """Segment from whose beginning on a scope's stiffening ring is turned to its stiffest setting, once the shaft was
     straightened there."""
@@ -97,6 +99,7 @@ def cohort_study(
     patients: int | None = None,
     seconds: float | None = None,
     seed: int = 0,
+    rooted: bool = True,
 ) -> Study:
     """The study of a cohort: patients by a Latin hypercube, each examined by every driver with every device.
 
@@ -107,6 +110,7 @@ def cohort_study(
         patients: how many; as the preset has when None.
         seconds: longest insertion [s]; as the preset has when None.
         seed: of the hypercube.
+        rooted: whether mesenteries hang from their roots.
 
     Raises:
         InvalidOptionError: when a name is not known.
@@ -122,7 +126,7 @@ def cohort_study(
         conditions={"driver": tuple(drivers), "device": tuple(devices)},
         objectives=(),
         sampler=Sampler(kind="latin-hypercube", count=patients or preset.patients, seed=seed),
-        options={"seconds": seconds or preset.seconds, "timestep": CohortOptions().timestep},
+        options={"seconds": seconds or preset.seconds, "timestep": CohortOptions().timestep, "rooted": rooted},
     )
     for driver in drivers:
         for device in devices:

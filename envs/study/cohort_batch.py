@@ -83,7 +83,7 @@ def _examined(
 ) -> Iterable[Result]:
     """Results of patients who are examined in one batch, each by an examiner."""
     design, policy = at_body_temperature(find_design(examiners[0].device)), examiners[0].policy
-    own, patients, sound, settings = _Colons(design.diameter / 2), [], [], []
+    own, patients, sound, settings = _Colons(design.diameter / 2, bool(study.options.get("rooted", True))), [], [], []
     filled = _filled(study)
     for job, examiner in zip(jobs, examiners, strict=True):
         try:
@@ -171,8 +171,8 @@ def _prepare_gpu(study: Study, folder: Path, tell: Callable[[str], None]) -> Non
 class _Colons:
     """Colons of patients, each once whoever examines it."""
 
-    def __init__(self, radius: float) -> None:
-        self.radius, self._seen = radius, dict[tuple, int]()
+    def __init__(self, radius: float, rooted: bool) -> None:
+        self.radius, self._rooted, self._seen = radius, rooted, dict[tuple, int]()
         self.colons: list[Colon] = []
         self.tables: list[list[Tables]] = []
         self.case: list[int] = []
@@ -188,18 +188,18 @@ class _Colons:
         if known not in self._seen:
             colon = patient.colon()
             require_room(colon, water)
-            self.tables.append(tables_with_mesentery(patient, colon, self.radius))
+            self.tables.append(tables_with_mesentery(patient, colon, self.radius, rooted=self._rooted))
             self.colons.append(colon)
             self._seen[known] = len(self._seen)
         self.case.append(self._seen[known])
 
 
-def tables_with_mesentery(patient: Patient, colon: Colon, radius: float) -> list[Tables]:
+def tables_with_mesentery(patient: Patient, colon: Colon, radius: float, *, rooted: bool) -> list[Tables]:
     """Tables of a patient's colon for a scope of that radius [m], one for each thing that an assistant may do."""
     table = lumen_table(colon, device_radius=radius)
     found = []
     for asked in ASSISTANT:
-        around: Abdomen = replace(patient.abdomen, posture=asked.posture, pressed=asked.pressed)
+        around: Abdomen = replace(patient.abdomen, posture=asked.posture, pressed=asked.pressed, rooted=rooted)
         own = on_mesentery(table.tables, colon, around, changed=patient.mesentery)
         found.append(LumenTable(own, radius, table.error, table.narrow).seen_from(*entry_of(colon)))
     return found

@@ -128,9 +128,9 @@ class Patient:
 
     @property
     def abdomen(self) -> Abdomen:
-        """What the colon lies in, on the back, with no hand on the belly; mesenteries hang from their roots."""
+        """What the colon lies in, on the back, with no hand on the belly."""
         mobile = tuple(name for name in ("descending", "ascending") if self.has(f"mobile_{name}"))
-        return Abdomen(mobile=mobile, adhesions=("sigmoid",) if self.has("adhesions") else (), rooted=True)
+        return Abdomen(mobile=mobile, adhesions=("sigmoid",) if self.has("adhesions") else ())
 
     @property
     def mesentery(self) -> dict[str, float]:

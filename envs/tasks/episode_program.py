@@ -5,7 +5,7 @@ Every rule is the function that numpy calls for other backends: `haustra.envs.ta
 launch in which the others act.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, final
 
@@ -23,6 +23,7 @@ from haustra.envs.sim.linear.sensing import (
 from haustra.envs.sim.linear.trace import Changing, Value
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.actions import ACTIONS, Wires, actions_of, asked, within
+from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.coverage import half_angle_cosine
 from haustra.envs.tasks.coverage_program import forget, look_around
 from haustra.envs.tasks.episode import EpisodeRules, concluded
@@ -38,6 +39,29 @@ DEALT = ("gain", "slack", "valve", "bears", "case", *BEGUN)
 IN_PROGRAM = ("state", "lumen", "imager", "recent", "unseen", "privileged", "gas")
 """Parts of an observation that lie among what the program tells; gas is put there behind it."""
 _OVER = "over"
+UNREAD = (
+    "design",
+    "difficulty",
+    "seeds",
+    "gas_flow",
+    "gas_start",
+    "water",
+    "bleeding",
+    "picture_size",
+    "stool",
+    "mucus",
+    "randomisation",
+)
+"""Fields of a task that its program does not read."""
+_GAS = 2000.0
+"""Pressure to which any is set: programs read whether there is a gas action, and no pressure [Pa]."""
+
+
+def as_read(rules: EpisodeRules) -> EpisodeRules:
+    """The rules, their task without what its program does not read: tasks that differ in the rest share one program."""
+    usual = {name: getattr(TaskConfig(), name) for name in UNREAD}
+    gas = None if rules.config.gas is None else _GAS
+    return replace(rules, config=replace(rules.config, **usual, gas=gas))
 
 
 @final
@@ -46,6 +70,7 @@ class EpisodeProgram:
     """Episodes in a program. Each world has what is kept of its episode, and running means of what it measured."""
 
     rules: EpisodeRules
+    """Of the episodes; what a program does not read of them is left out (`as_read`)."""
     steps: int
     """Time steps of a control step."""
     coils: tuple[int, ...]
@@ -54,6 +79,9 @@ class EpisodeProgram:
     """Rows of cells that mucosa is looked for in (`haustra.envs.tasks.coverage`)."""
     field_of_view_deg: float = 140.0
     """Full viewing angle of the camera [degrees]."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rules", as_read(self.rules))
 
     @property
     def turn(self) -> int:

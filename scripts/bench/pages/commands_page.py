@@ -50,11 +50,17 @@ def commands_page(found: Mapping[str, Any]) -> str:
         "missing": f"Not tried as printed today: {_listed(missing)}." if missing else "Nothing else is printed there.",
     }
     parts = [_HEAD.format(**numbers, **about)]
-    for page, own in groupby(rows, key=lambda row: row["page"]):
-        parts.append(f"## {page}\n| command, or the program's last line | came to |\n|---|---|")
-        parts += [f"| `{row['what'].replace('|', chr(92) + '|')}` | {_came(row)} |" for row in own]
-        parts.append("")
-    return "\n".join(parts)
+    parts.append("## Run\n| page | command, or the program's last line | came to |\n|---|---|---|")
+    parts += [f"| {row['page']} | {_code(row)} | {_came(row)} |" for row in rows if row["code"] is not None]
+    parts.append("\n## Left out\n| why | commands, and programs by their last lines |\n|---|---|")
+    why = sorted((row for row in rows if row["code"] is None), key=lambda row: row["said"])
+    for said, own in groupby(why, key=lambda row: row["said"]):
+        parts.append(f"| {said} | {'; '.join(dict.fromkeys(map(_code, own)))} |")
+    return "\n".join([*parts, ""])
+
+
+def _code(row: Mapping[str, Any]) -> str:
+    return f"`{row['what'].replace('|', chr(92) + '|')}`"
 
 
 def _missing(page: Path, tried: Sequence[str]) -> list[str]:
@@ -68,8 +74,6 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _came(row: Mapping[str, Any]) -> str:
-    if row["code"] is None:
-        return f"left out: {row['said']}"
     return f"{row['seconds']:.0f} s" if row["code"] == 0 else f"**failed** with code {row['code']}"
 
 

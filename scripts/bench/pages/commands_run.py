@@ -3,7 +3,8 @@
 What came of it is kept.
 
 `python -m haustra.scripts.bench.pages.commands_run DIR [--data FOLDER] [PAGE ...]` leaves pages out that
-DIR/commands.json holds already; `commands_page` makes a page of it.
+DIR/commands.json holds already; `--failed` runs what failed again, in the folders that pages left there.
+`commands_page` makes a page of it.
 """
 
 import argparse
@@ -15,7 +16,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import date
 from pathlib import Path
@@ -110,18 +111,17 @@ def definitions(program: str) -> list[str]:
     return [ast.unparse(part) for part in ast.parse(program).body if isinstance(part, kept)]
 
 
-def run_page(page: Path, folder: Path, *, colon: Path, data: Path | None) -> Iterator[Ran]:
-    """Run a page's commands in a new folder that holds what a reader has.
+def prepare_page(text: str, folder: Path, *, colon: Path, data: Path | None) -> None:
+    """Make a new folder that holds what a reader of a page has.
 
     Args:
-        page: the page.
+        text: the page.
         folder: made anew.
         colon: folder of a colon for those who are told to bring one.
         data: folder of real colons, or nothing.
     """
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    text = page.read_text(encoding="utf-8")
     for name in ("assets", "docs"):
         (folder / name).symlink_to(ROOT / name)
     (folder / ".venv").symlink_to(Path(sys.prefix))
@@ -130,6 +130,17 @@ def run_page(page: Path, folder: Path, *, colon: Path, data: Path | None) -> Ite
     for name in _GIVEN:
         if name in text and f"colon grow --seed 4 -o {name}" not in text:
             shutil.copytree(colon, folder / name)
+
+
+def run_page(page: Path, folder: Path, *, only: Sequence[str] | None = None) -> Iterator[Ran]:
+    """Run a page's commands in a folder that is prepared for it.
+
+    Args:
+        page: the page.
+        folder: as `prepare_page` left it, or commands before.
+        only: which commands, and programs by their last lines; all when None.
+    """
+    text = page.read_text(encoding="utf-8")
     known: list[str] = []
     for number, (kind, step) in enumerate(steps_of(text)):
         if kind == "toml":
@@ -137,6 +148,9 @@ def run_page(page: Path, folder: Path, *, colon: Path, data: Path | None) -> Ite
             mine.write_text(changed(mine.read_text(encoding="utf-8") if mine.exists() else "", step), encoding="utf-8")
             continue
         what = shown(kind, step)
+        if only is not None and what not in only:
+            known += definitions(step) if kind == "python" else []
+            continue
         if why := why_left_out(step):
             yield Ran(page.name, what, 0.0, None, why)
             continue
@@ -166,6 +180,7 @@ def main() -> int:
     parser.add_argument("folder", type=Path)
     parser.add_argument("pages", nargs="*", help="names such as own-scope.md; all when none is given")
     parser.add_argument("--data", type=Path, default=None, help="folder of the real colons")
+    parser.add_argument("--failed", action="store_true", help="run what failed again")
     asked = parser.parse_intermixed_args()  # pages may come after --data
     found = asked.folder / "commands.json"
     rows = [Ran(**row) for row in json.loads(found.read_text(encoding="utf-8"))["rows"]] if found.exists() else []
@@ -173,13 +188,18 @@ def main() -> int:
     if not colon.exists():
         subprocess.run([sys.executable, "-m", "haustra.scripts.main", "colon", "grow", "-o", str(colon)], check=True)
     for page in PAGES:
-        if (asked.pages and page.name not in asked.pages) or page.name in {row.page for row in rows}:
+        held = [row for row in rows if row.page == page.name]
+        failed = [row.what for row in held if row.code]
+        if (asked.pages and page.name not in asked.pages) or (held and not (asked.failed and failed)):
             continue
-        new = []
-        for row in run_page(page, asked.folder / page.stem, colon=colon.resolve(), data=asked.data):
+        folder, new = asked.folder / page.stem, list[Ran]()
+        if not held:
+            prepare_page(page.read_text(encoding="utf-8"), folder, colon=colon.resolve(), data=asked.data)
+        for row in run_page(page, folder, only=failed if held else None):
             new.append(row)
             print(row.page, row.code, f"{row.seconds:.0f} s", row.what, row.said if row.code else "", flush=True)
-        rows += new
+        again = {(row.page, row.what): row for row in new if held}
+        rows = [again.get((row.page, row.what), row) if row.code else row for row in rows] + ([] if held else new)
         kept = {"machine": machine(), "rows": [asdict(row) for row in rows]}
         write_atomically(found, lambda place, kept=kept: place.write_text(json.dumps(kept, indent=1), encoding="utf-8"))
     return int(any(row.code for row in rows))

@@ -9,6 +9,7 @@ from haustra.scripts.bench.pages.commands_run import (
     PAGES,
     changed,
     definitions,
+    prepare_page,
     run_page,
     steps_of,
     why_left_out,
@@ -60,11 +61,14 @@ def test_a_page_runs_in_its_folder_and_tells_what_failed(tmp_path: Path) -> None
     page.write_text(_PAGE, encoding="utf-8")
     given = tmp_path / "given"
     given.mkdir()
-    rows = list(run_page(page, tmp_path / "run", colon=given, data=None))
+    prepare_page(_PAGE, tmp_path / "run", colon=given, data=None)
+    rows = list(run_page(page, tmp_path / "run"))
     assert [row.code for row in rows] == [0, 3, None, 0, 0]
     assert rows[2].said == why_left_out(rows[2].what) == "needs a person at a browser (tests/envs/console)"
     assert (tmp_path / "run" / "helped").read_text(encoding="utf-8").startswith("Simulated colons")
     assert (tmp_path / "run" / "mine.toml").read_text(encoding="utf-8") == 'name = "mine"\n'
+    again = list(run_page(page, tmp_path / "run", only=[rows[1].what, rows[4].what]))
+    assert [(row.what, row.code) for row in again] == [(row.what, row.code) for row in (rows[1], rows[4])]
 
 
 def test_a_block_changes_a_file_as_its_reader_does() -> None:
