@@ -39,8 +39,9 @@ SENTENCES = {
         "is {linear:.0f} % lower in linear time and {warp:.0f} % lower on `warp`",
     ),
     "docs/releases/0.2.0.md": (
-        "of {trials_word} published trials {equal_word} equalities of {equalities_word} and {told_word} differences of "
-        "{differences_word} are reproduced",
+        "holds in {inside} of {asked} figures in {patients} patients",
+        "of {trials_word} published trials {same_word} end as published: {told} of {differences} differences and {equal} of "
+        "{equalities} equalities",
     ),
 }
 """What pages repeat, with places for the figures."""
