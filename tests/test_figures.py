@@ -40,8 +40,8 @@ SENTENCES = {
     ),
     "docs/releases/0.2.0.md": (
         "holds in {inside} of {asked} figures in {patients} patients",
-        "of {trials_word} published trials {same_word} end as published: {told} of {differences} differences and {equal} of "
-        "{equalities} equalities",
+        "of {trials_word} published trials {same_word} end as published: {told} of {differences} differences and "
+        "{equal} of {equalities} equalities",
     ),
 }
 """What pages repeat, with places for the figures."""
