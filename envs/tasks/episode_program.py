@@ -54,7 +54,8 @@ UNREAD = (
 )
 """Fields of a task that its program does not read."""
 _GAS = 2000.0
-"""Pressure to which any is set: programs read whether there is a gas action, and no pressure [Pa]."""
+"""Pressure to which any is set, an engineering choice: programs read whether there is a gas action, and no pressure
+[Pa]."""
 
 
 def as_read(rules: EpisodeRules) -> EpisodeRules:
@@ -70,7 +71,7 @@ class EpisodeProgram:
     """Episodes in a program. Each world has what is kept of its episode, and running means of what it measured."""
 
     rules: EpisodeRules
-    """Of the episodes; what a program does not read of them is left out (`as_read`)."""
+    """Rules of the episodes; what a program does not read of them is left out (`as_read`)."""
     steps: int
     """Time steps of a control step."""
     coils: tuple[int, ...]
