@@ -8,7 +8,7 @@ import tyro
 
 from haustra.fields import Number, number, texts, vector, whole
 
-_AROUND = ("pressed", "envelope", "rooted", "breathing", "loops_touch", "torsion")
+AROUND = ("posture", "mobile", "adhesions", "pressed", "envelope", "rooted", "breathing", "loops_touch", "torsion")
 """Options of the patient around a colon that moves, by their names in `Abdomen`."""
 
 
@@ -237,7 +237,7 @@ class Run:
             from haustra.models.gas.water import volume_from
 
             chosen["water"] = volume_from(self.water)
-        around = Abdomen(**{name: getattr(self, name) for name in ("posture", "mobile", "adhesions", *_AROUND)})
+        around = Abdomen(**{name: getattr(self, name) for name in AROUND})
         return chosen if around == Abdomen() else {**chosen, "abdomen": around}
 
     def _options(self) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from haustra.errors import InvalidOptionError
+from haustra.scripts.run import AROUND
 
 if TYPE_CHECKING:
     from haustra.envs.learning.policy import MlpPolicy
@@ -11,20 +12,7 @@ if TYPE_CHECKING:
 
 _ALWAYS = ("colon", "output", "device", "seconds", "friction", "fixed", "wall", "error", "film", "json")
 _TABLE = ("wall_law", "wall_stiffness", "elasticity", "timestep", "gravity")
-_PATIENT = (
-    "insufflate",
-    "gas_flow",
-    "gas_start",
-    "posture",
-    "mobile",
-    "adhesions",
-    "pressed",
-    "envelope",
-    "rooted",
-    "breathing",
-    "loops_touch",
-    "torsion",
-)
+_PATIENT = ("insufflate", "gas_flow", "gas_start", *AROUND)
 """Options of `haustra run` that all devices honour; `start` is honoured by those that stand in the colon."""
 
 

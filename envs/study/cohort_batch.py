@@ -18,7 +18,7 @@ from haustra.envs.runs.outcome import Outcome
 from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.gas import require_room
 from haustra.envs.study.clinic_watch import EVERY, ClinicWatch
-from haustra.envs.study.cohort import Examiner, patient_of
+from haustra.envs.study.cohort import CohortOptions, Examiner, patient_of
 from haustra.envs.study.costs import counted
 from haustra.envs.study.patients import Patient, clinic_number, grow_patients
 from haustra.envs.study.questions import Backend, Runner
@@ -83,7 +83,8 @@ def _examined(
 ) -> Iterable[Result]:
     """Results of patients who are examined in one batch, each by an examiner."""
     design, policy = at_body_temperature(find_design(examiners[0].device)), examiners[0].policy
-    own, patients, sound, settings = _Colons(design.diameter / 2, bool(study.options.get("rooted", True))), [], [], []
+    rooted = bool(study.options.get("rooted", CohortOptions.rooted))
+    own, patients, sound, settings = _Colons(design.diameter / 2, rooted), [], [], []
     filled = _filled(study)
     for job, examiner in zip(jobs, examiners, strict=True):
         try:
