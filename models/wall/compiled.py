@@ -45,6 +45,8 @@ from haustra.models.wall.moving_colon import (
     node_cell,
     node_resistance,
     node_turn_resistance,
+    packed_bend,
+    packed_resistance,
 )
 from haustra.models.wall.plane_pose import as_plane_sees, moving_contact, plane_turn
 from haustra.models.wall.planes import AWAY
@@ -780,6 +782,7 @@ def _step_axis(
     gripped, gripped_turn = np.empty(count), np.empty(count)
     flattened, leaning = np.empty(count), np.empty(count)
     diagonal, tie, braked = np.empty(count), np.empty(count), np.zeros(count)
+    firm, opens = np.zeros(count), np.zeros(count)
     for world in worlds:
         pulled[:], couples[:], gripped[:], gripped_turn[:] = 0.0, 0.0, 0.0, 0.0
         flattened[:], leaning[:] = 0.0, 0.0
@@ -829,11 +832,15 @@ def _step_axis(
                 gripped[i] + h * (stiffness + braked[i] + drawn[world, i, 3]),
                 h,
             )
+        for i in range(1, count - 1):
+            packed = _packed(own, world, shape, i)
+            firm[i], opens[i] = packed.stiffness, packed.along
         for i in range(count - 1):
             before = own.upright[world, i] + bend_stiffness(np, own.bending[world, i], shape.sums[world, i])
             after = own.upright[world, i + 1] + bend_stiffness(np, own.bending[world, i + 1], shape.sums[world, i + 1])
             length, rest = shape.lengths[world, i], own.lengths[world, i]
             tie[i], along = edge_resistance(np, length, rest, own.tension[world, i], before, after, h)
+            tie[i] += packed_resistance(np, length, (firm[i], opens[i]), (firm[i + 1], opens[i + 1]), h)
             held = (leaning[i] + leaning[i + 1]) / length**2
             unit, apart = _node(shape.units, world, i), minus(_node(speed, world, i + 1), _node(speed, world, i))
             kept = add(times(held, apart), times(along * dot(unit, apart), unit))
@@ -998,7 +1005,7 @@ def _add_springs(own: Any, world: int, shape: Any, couples: Any, pulled: Any, to
     """Add the forces along and across the axis to those on its nodes; write the torques about it."""
     last = shape.lengths.shape[1]
     still = 1.0, (0.0, 0.0, 0.0)
-    shortening = np.empty(last)
+    shortening, opening = np.empty(last), np.zeros(last)
     work, over_cells, over_units = np.zeros((1, last + 1, 3)), np.zeros((1, last, 3)), np.zeros((1, last, 3))
     for i in range(last + 1):
         rows = _node(couples, i, 0), _node(couples, i, 1), _node(couples, i, 2)
@@ -1030,7 +1037,10 @@ def _add_springs(own: Any, world: int, shape: Any, couples: Any, pulled: Any, to
         over = unit_rate(_node(shape.tangents, world, i), shape.sums[world, i], _node(work, 0, i))
         if 0 < i < last:
             change = minus(_node(shape.units, world, i), _node(shape.units, world, i - 1))
-            bend = bend_gradient(np, change, own.turns[world, i], own.bending[world, i])
+            packed = _packed(own, world, shape, i)
+            opening[i - 1] += packed.tension
+            opening[i] += packed.tension
+            bend = add(bend_gradient(np, change, own.turns[world, i], own.bending[world, i]), packed.gradient)
             _put_more(over_units, 0, i, minus(over, bend))
             _put_more(over_units, 0, i - 1, add(over, bend))
         else:
@@ -1039,9 +1049,20 @@ def _add_springs(own: Any, world: int, shape: Any, couples: Any, pulled: Any, to
     for i in range(last):
         unit, length = _node(shape.units, world, i), shape.lengths[world, i]
         tension = edge_tension(np, length, own.lengths[world, i], own.tension[world, i], own.pleating[world])
-        pull = minus(times(tension - shortening[i], unit), unit_rate(unit, length, _node(over_units, 0, i)))
+        pull = minus(
+            times(tension - shortening[i] + opening[i], unit), unit_rate(unit, length, _node(over_units, 0, i))
+        )
         _put_more(pulled, 0, i, pull)
         _put_more(pulled, 0, i + 1, times(-1.0, pull))
+
+
+def _packed(own: Any, world: int, shape: Any, node: int) -> Any:
+    """`packed_bend` at a node between others."""
+    change = minus(_node(shape.units, world, node), _node(shape.units, world, node - 1))
+    length = shape.lengths[world, node - 1] + shape.lengths[world, node]
+    rest = own.lengths[world, node - 1] + own.lengths[world, node]
+    about = own.turns[world, node], own.bending[world, node], own.widths[world, node]
+    return packed_bend(np, length, rest, change, *about)
 
 
 def _named(name: str, entry: Callable[..., Any]) -> Callable[..., Any]:
@@ -1058,7 +1079,19 @@ def loops() -> Loops:
 
     overload(vectors.where)(lambda xp, condition, yes, no: lambda xp, condition, yes, no: yes if condition else no)
     own = (_node, _put, _put_more, _turn, _put_turn, _section, _cells, _rest_closing, _node_between, _edge_rate)
-    own = (*own, _rates, _add_springs, _lean, _turn_sections, _spread, _enveloped, _press_loops, _look, _follow)
+    own = (
+        *own,
+        _rates,
+        _add_springs,
+        _lean,
+        _turn_sections,
+        _spread,
+        _enveloped,
+        _press_loops,
+        _look,
+        _follow,
+        _packed,
+    )
     entries = (
         _query,
         _query_moved,

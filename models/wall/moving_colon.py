@@ -57,6 +57,10 @@ at 10 mm/s with a coefficient of 0.1; engineering choice: what still trembles do
 LEAST_FACING = 0.05
 """Edges that fold back on each other bend as if the sum of their directions were so long [1]: at 177 degrees."""
 
+STACKED = 2 / SHORTEST**2
+"""How much harder folds that lie against each other bend than the wall does [1]: as a ring of its modulus that is
+pressed together to `SHORTEST`, where half of the bending of the wall's thin tube is left to its pleats."""
+
 POSE = 7
 """Numbers of a node's pose: displacement from rest [m], and the unit quaternion that has turned its cross-section."""
 
@@ -151,6 +155,80 @@ def bend_stiffness(xp: Any, bending: Any, facing: Any) -> Any:
     return 4 * bending / (facing * facing)
 
 
+class PackedBend(NamedTuple):
+    """What folds that lie against each other do against a bend at a node."""
+
+    gradient: Vector
+    """Of their energy, over the change of direction from one edge to the next [N m]."""
+    tension: Any
+    """Force in both edges [N]: a bend opens folds."""
+    stiffness: Any
+    """Half of a bound of the moment's slope over the angle [N m], with which a step is stable."""
+    along: Any
+    """Half of a bound of the slope of the tension in either edge [N/m]."""
+
+
+def packed_bend(xp: Any, length: Any, rest: Any, change: Vector, turn: Any, bending: Any, width: Any) -> PackedBend:
+    """How a wall resists a bend by the folds that meet on its inside, beside `bend_gradient`.
+
+    Folds that lie against each other are a solid ring (`edge_tension`), which bends `STACKED` times as hard as the wall
+    does. A bend that is more by a than at rest, in 2 sin(t/2), shortens the wall on its inside by e = w a / l_0 of its
+    length at rest, and lengthens it on its outside; with p by how much the axis is shorter than `SHORTEST`, the energy
+    is k/2 ((p + e)+^2 / 2 + (p - e)+^2 / 2 - p+^2), of which `edge_tension` has the last.
+
+    Args:
+        xp: numpy or jax.numpy.
+        length: of both edges beside the node together [m].
+        rest: the same at rest [m].
+        change: difference of the edges' directions.
+        turn: 2 tan(t_0/2).
+        bending: B [N m].
+        width: w, from the axis to the wall on the inside [m].
+    """
+    per, amount = 2 * width / rest, norm(xp, change)
+    firm = STACKED * bending / (per * per)
+    inner, outer, both = _pressed(xp, length, rest, per * (amount - chord(xp, turn)))
+    moment, squeezed = 0.5 * firm * per * (inner - outer), 0.5 * firm * (inner + outer - 2 * both)
+    resists = where(xp, inner + outer > 0, firm, 0.0)
+    return PackedBend(
+        times(moment / amount, change), -squeezed / rest, 0.5 * resists * per * per, resists / (rest * rest)
+    )
+
+
+def packed_energy(xp: Any, length: Any, rest: Any, amount: Any, turn: Any, bending: Any, width: Any) -> Any:
+    """Energy of `packed_bend` [J], given the length of the change of direction."""
+    per = 2 * width / rest
+    inner, outer, both = _pressed(xp, length, rest, per * (amount - chord(xp, turn)))
+    return 0.25 * STACKED * bending / (per * per) * (inner * inner + outer * outer - 2 * both * both)
+
+
+def packed_resistance(xp: Any, length: Any, before: tuple[Any, Any], after: tuple[Any, Any], h: Any) -> Any:
+    """What a step's speed difference meets between nodes beside which folds lie against each other [N s/m].
+
+    Along the edge and across it, and all of the speed: were it changes of speed along it, as in `edge_resistance`, folds
+    that meet at a speed would go on at it, with a mass that came from nowhere.
+
+    Args:
+        xp: numpy or jax.numpy.
+        length: of the edge [m].
+        before: `PackedBend.stiffness` and `PackedBend.along` of the node before.
+        after: of the node after.
+        h: time step [s].
+    """
+    return h * (4 * xp.maximum(before[0], after[0]) / (length * length) + before[1] + after[1])
+
+
+def _pressed(xp: Any, length: Any, rest: Any, bent: Any) -> tuple[Any, Any, Any]:
+    """By how much of their length at rest folds are pressed on the inside of a bend, its outside, and at the axis."""
+    packed = SHORTEST - length / rest
+    return xp.maximum(packed + bent, 0.0), xp.maximum(packed - bent, 0.0), xp.maximum(packed, 0.0)
+
+
+def chord(xp: Any, turn: Any) -> Any:
+    """Length of the change of direction at a bend: 2 sin(t/2) of 2 tan(t/2)."""
+    return turn / xp.sqrt(1 + 0.25 * turn * turn)
+
+
 def hold_force(xp: Any, place: Vector, slack: Any, hold: Any, support: Any) -> Vector:
     """Force of mesentery and surroundings on a node [N], so far from what it hangs on [m].
 
@@ -240,6 +318,10 @@ PARTS = (
     edge_stiffness,
     bend_gradient,
     bend_stiffness,
+    packed_bend,
+    packed_resistance,
+    _pressed,
+    chord,
     hold_force,
     node_resistance,
     node_turn_resistance,
@@ -481,6 +563,10 @@ def step_axis(
         pulled, diagonal = pulled + drawn.force, diagonal + h * drawn.stiffness
     stiff = bend_stiffness(xp, own.bending, shape.sums) + own.upright
     tie, along = edge_resistance(xp, shape.lengths, own.lengths, own.tension, stiff[:, :-1], stiff[:, 1:], h)
+    packed = _packed(xp, own, shape)
+    firm, opens = (xp.pad(part, ((0, 0), (1, 1))) for part in (packed.stiffness, packed.along))
+    beside = ((firm[:, part], opens[:, part]) for part in (slice(-1), slice(1, None)))
+    tie = tie + packed_resistance(xp, shape.lengths, *beside, h)
     leaning = lean_resistance(leaning + _flattening(xp, own, shape, flattened), shape.sums)
     held = (leaning[:, 1:] + leaning[:, :-1]) / shape.lengths**2
     apart = displacement.speed[:, 1:, :3] - displacement.speed[:, :-1, :3]
@@ -588,15 +674,33 @@ def _forces(
     work = work + xp.pad(stacked(xp, minus(last, twisting)), ((0, 0), (1, 0), (0, 0)))
     work = stacked(xp, unit_rate(tangents, shape.sums, vectors.of(work)))
     change = vectors.of(shape.units[:, 1:] - shape.units[:, :-1])
-    bend = stacked(xp, bend_gradient(xp, change, own.turns[:, 1:-1], own.bending[:, 1:-1]))
-    bend = xp.pad(bend, ((0, 0), (1, 1), (0, 0)))
+    bend = bend_gradient(xp, change, own.turns[:, 1:-1], own.bending[:, 1:-1])
+    packed = _packed(xp, own, shape)
+    bend = xp.pad(stacked(xp, add(bend, packed.gradient)), ((0, 0), (1, 1), (0, 0)))
     over_units = vectors.of(work[:, 1:] + work[:, :-1] + bend[:, 1:] - bend[:, :-1])
     units = vectors.of(shape.units)
     tension = edge_tension(xp, shape.lengths, own.lengths, own.tension, own.pleating[:, None])
-    tension = tension - shortening
+    tension = tension - shortening + _onto_edges(xp, packed.tension)
     pull = stacked(xp, minus(times(tension, units), unit_rate(units, shape.lengths, over_units)))
     held = stacked(xp, add(hold_force(xp, around.hung, own.slack, own.hold, own.support), around.force))
     return held + own.load + _from_edges(xp, pull), turning, shape
+
+
+def _packed(xp: Any, own: Mesentery, shape: AxisShape) -> PackedBend:
+    """`packed_bend` at the nodes between others."""
+    change = vectors.of(shape.units[:, 1:] - shape.units[:, :-1])
+    inner = own.turns[:, 1:-1], own.bending[:, 1:-1], own.widths[:, 1:-1]
+    return packed_bend(xp, *_beside_nodes(own, shape), change, *inner)
+
+
+def _beside_nodes(own: Mesentery, shape: AxisShape) -> tuple[Array, Array]:
+    """Lengths of both edges beside each node between others together, now and at rest [m]."""
+    return shape.lengths[:, 1:] + shape.lengths[:, :-1], own.lengths[:, 1:] + own.lengths[:, :-1]
+
+
+def _onto_edges(xp: Any, values: Array) -> Array:
+    """What nodes between others do to both edges beside them (worlds, nodes - 1)."""
+    return xp.pad(values, ((0, 0), (1, 0))) + xp.pad(values, ((0, 0), (0, 1)))
 
 
 def _flattening(xp: Any, own: Mesentery, shape: AxisShape, gripped: Array) -> Array:
@@ -663,6 +767,9 @@ def energy(xp: Any, own: Mesentery, pose: Array, time: Array | None = None, foun
     along = along + own.tension * own.lengths / 3 * (0.5 * left**2 + 1 / left - 1.5)
     change = norm(xp, vectors.of(shape.units[:, 1:] - shape.units[:, :-1]))
     bent = own.bending[:, 1:-1] * _bend_energy(xp, change, own.turns[:, 1:-1])
+    bent = bent + packed_energy(
+        xp, *_beside_nodes(own, shape), change, own.turns[:, 1:-1], own.bending[:, 1:-1], own.widths[:, 1:-1]
+    )
     around = _surroundings(xp, own, pose, time, found)
     moved = norm(xp, around.hung)
     held = 0.5 * own.hold * xp.maximum(moved - own.slack, 0.0) ** 2 + 0.5 * own.support * moved**2

@@ -23,6 +23,8 @@ from haustra.models.wall.moving_colon import (
     node_cell,
     node_resistance,
     node_turn_resistance,
+    packed_bend,
+    packed_resistance,
 )
 from haustra.models.wall.sections import (
     STILL,
@@ -274,6 +276,7 @@ class Axis:
         grips, gripping = Before(program, 0.0), Before(program, 0.0)
         closings, works, torques = Before(program, *[0.0] * 3), Before(program, *[0.0] * 4), Before(program, 0.0)
         bends, lower, shortened, pulls = (Before(program, *[0.0] * count) for count in (3, 3, 1, 3))
+        opens, openings = Before(program, *[0.0] * 3), Before(program, *[0.0] * 3)
         closes, leant, leaning = Before(program, 0.0), Before(program, 0.0), Before(program, 0.0)
         moved, spun = kept_numbers(program, *[0.0] * 5), kept_numbers(program, *[0.0] * 3)
         around = self._surroundings()
@@ -293,7 +296,12 @@ class Axis:
             inner = (node.each > 0) & (node.each < last)
             bending = self._number(node, "bending")
             bend = bend_gradient(xp, minus(unit, unit_before), self._number(node, "turn"), bending)
-            bend, stiffness = self._where(inner, bend), bend_stiffness(xp, bending, size)
+            change, width = minus(unit, unit_before), self._number(node, "width")
+            both = length + length_before, self._number(node, "length") + self._number(cell, "length")
+            packed = packed_bend(xp, *both, change, self._number(node, "turn"), bending, width)
+            bend = self._where(inner, add(bend, packed.gradient))
+            stiffness = bend_stiffness(xp, bending, size)
+            packed = [xp.where(inner, part, 0.0) for part in (packed.tension, packed.stiffness, packed.along)]
             # How the node's section is turned, what holds it from turning, and what presses on it.
             old = self._turn(node)
             turn = brought_along(xp, old, at_rest, tangent)
@@ -339,11 +347,19 @@ class Axis:
             before = earlier(*unit_before, length_before)
             unit, length = before[:3], before[3]
             (shortening,) = shortened(bent.now[6])
+            opened, *packed_after = opens(*packed)
+            opened_before, *packed_before = openings(opened, *packed_after)
             rest, tension, torsion, stiffness_before = stiffer(rest, tension, torsion, stiffness)
-            pull = edge_tension(xp, length, rest, tension, self._of_world("pleating")) - shortening
+            pull = (
+                edge_tension(xp, length, rest, tension, self._of_world("pleating"))
+                - shortening
+                + opened
+                + opened_before
+            )
             pull = minus(times(pull, unit), unit_rate(unit, length, over))
             inside = (own.each >= 0) & (own.each < last)
             tie, surplus = edge_resistance(xp, length, rest, tension, stiffness_before, stiffness, h)
+            tie = tie + packed_resistance(xp, length, tuple(packed_before), tuple(packed_after), h)
             leans, slowed = leans / (length * length), Changing(program, [0.0] * 3)
             with program.when(leans + surplus > 0):
                 apart = minus(self._state.vector(own.back(-1), POSE), self._state.vector(own, POSE))

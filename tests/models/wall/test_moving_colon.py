@@ -127,6 +127,52 @@ def test_folds_that_lie_against_each_other_are_pressed_like_a_solid() -> None:
     assert np.diff(energies).max() < 1e-9
 
 
+def _wedge(stretch: float, angle: float) -> tuple[float, float, float, float]:
+    """Energy of both halves of a wall at a bend [J], by what each is pressed together, and what enters there."""
+    rigidity, width, rest = 0.2, 0.012, 0.01
+    bent = width * 2 * np.sin(angle / 2) / rest
+    modulus = moving_colon.STACKED * rigidity * (rest / width) ** 2
+    halves = sum(max(SHORTEST - stretch + side * bent, 0.0) ** 2 for side in (-1, 1)) / 4
+    return modulus * (halves - max(SHORTEST - stretch, 0.0) ** 2 / 2), rigidity, width, rest
+
+
+@pytest.mark.parametrize(("stretch", "angle"), [(0.3, 0.02), (0.34, 0.3), (0.4, 0.3), (1.0, 0.9)])
+def test_folds_on_the_inside_of_a_bend_are_pressed_as_both_halves_of_a_ring(stretch: float, angle: float) -> None:
+    """Moment and force along the axis are slopes of the energy of two halves, each pressed by its own shortening."""
+    energy, rigidity, width, rest = _wedge(stretch, angle)
+
+    def bent(turned: float) -> tuple[float, float, float]:
+        return np.cos(turned) - 1, np.sin(turned), 0.0
+
+    at = 2 * stretch * rest, 2 * rest, bent(angle), 0.0, rigidity, width
+    found, step = moving_colon.packed_bend(np, *at), 1e-6
+    assert moving_colon.packed_energy(np, *at[:2], 2 * np.sin(angle / 2), *at[3:]) == pytest.approx(energy, rel=1e-9)
+    moment = np.dot(found.gradient, (-np.sin(angle), np.cos(angle), 0.0))
+    slope = (_wedge(stretch, angle + step)[0] - _wedge(stretch, angle - step)[0]) / (2 * step)
+    assert moment == pytest.approx(slope, rel=1e-6)
+    longer = (_wedge(stretch + step, angle)[0] - _wedge(stretch - step, angle)[0]) / (2 * step) / (2 * rest)
+    assert found.tension == pytest.approx(longer, rel=1e-6, abs=1e-9)
+
+
+def test_a_straight_colon_that_is_not_gathered_has_no_folds_to_press() -> None:
+    found = moving_colon.packed_bend(np, 0.02, 0.02, (-0.02, 0.2, 0.0), 0.0, 0.2, 0.012)
+    assert found == moving_colon.PackedBend((0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
+
+
+def test_a_gathered_colon_hardly_kinks_where_it_is_pushed_aside() -> None:
+    """Folds that are pressed together between two ends bend by 8 degrees where half a newton pushes; alone by 14."""
+    count = 31
+    held, pushed = np.zeros(count), np.zeros((count, 3))
+    held[[0, -1]], pushed[15, 0] = 1e6, 0.5
+    bending = np.full(count, 0.2)
+    own = _straight(hold=held, bending=bending, widths=np.full(count, 0.012), tension=np.full(count - 1, 40.0))
+    gathered = own._replace(nodes=own.nodes * [1.0, 1.0, 0.9 * SHORTEST])
+    edges = np.diff(gathered.nodes[0] + crept(gathered, 2000, _STEP, pushed), axis=0)
+    edges /= np.linalg.norm(edges, axis=1, keepdims=True)
+    sharpest = np.degrees(np.arccos(np.clip((edges[1:] * edges[:-1]).sum(axis=1), -1, 1)).max())
+    assert sharpest < 9
+
+
 @pytest.mark.parametrize("drag", [0.0, 50.0])
 def test_contacts_on_a_gathered_bend_come_to_rest(drag: float) -> None:
     """Springs and dampers that press on flattened sections leave no more energy than there was; nothing trembles."""
@@ -202,7 +248,8 @@ def test_no_pull_folds_a_tube_back_at_a_node(over: float) -> None:
     """An edge on a hinge B, pulled back by far more than B over its length: F x l = 2 B tan(t/2) (Bergou 2008)."""
     rigidity, length, steps = 0.01, 0.01, 1000
     held, bending = np.array([1e6, 1e6, 1e6, 0.0]), np.array([0.0, 0.0, rigidity, 0.0])
-    own = _straight(0.03, hold=held, bending=bending, tension=np.full(3, 1e3), pleating=np.float64(1.0))
+    thin = np.full(4, 1e-4)  # too thin for folds to meet on its inside
+    own = _straight(0.03, hold=held, bending=bending, tension=np.full(3, 1e3), pleating=np.float64(1.0), widths=thin)
     force = over * rigidity / length * np.array([1e-3, 0.0, -1.0])
     moved = _creep(own, _only(4, -1, [*force]), steps)
     before, edge = np.diff(own.nodes[0] + moved, axis=0)[1:]
