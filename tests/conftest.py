@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from jaxtyping import install_import_hook
-from runtime_types import check_anew, unchecked
+from runtime_types import check_anew, spare_what_is_unchecked, unchecked
 
 # Compiled from their sources, which the checks would change.
 import haustra.envs.view.picture.cover
@@ -16,6 +16,7 @@ import haustra.envs.view.picture.kernels
 with suppress(ImportError):  # so is this, for the GPU
     import haustra.envs.runs.warp_kernels  # noqa: F401
 
+spare_what_is_unchecked()
 install_import_hook("haustra", "runtime_types.check")
 
 
