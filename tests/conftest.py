@@ -4,6 +4,7 @@ import gc
 import os
 from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
@@ -38,6 +39,8 @@ def _written_without_checks() -> None:
 _written_without_checks()
 
 
+_FOR_JAX = pytest.StashKey[TemporaryDirectory[str]]()
+
 _ALLOCATIONS = 100_000, 10, 10
 """How rarely garbage is looked for: each time, Python walks through a million objects, which took a quarter of some
 tests' time at its own 700 allocations; engineering choice."""
@@ -46,10 +49,12 @@ tests' time at its own 700 allocations; engineering choice."""
 def pytest_configure(config: pytest.Config) -> None:
     """Look for garbage rarely, and bring compiled code before workers start: once a run."""
     gc.set_threshold(*_ALLOCATIONS)
-    if not hasattr(config, "workerinput"):
-        from tests import kept_code
+    from tests import kept_code
 
+    if not hasattr(config, "workerinput"):
         kept_code.bring()
+    config.stash[_FOR_JAX] = TemporaryDirectory(prefix="compiled-by-jax-")
+    kept_code.lend_to_jax(Path(config.stash[_FOR_JAX].name))
 
 
 def pytest_collection_finish() -> None:
@@ -60,10 +65,12 @@ def pytest_collection_finish() -> None:
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
     """Keep it for the next checkout."""
-    if not hasattr(session.config, "workerinput"):
-        from tests import kept_code
+    from tests import kept_code
 
+    if not hasattr(session.config, "workerinput"):
         kept_code.keep()
+    with session.config.stash[_FOR_JAX] as folder:
+        kept_code.take_from_jax(Path(folder))
 
 
 @pytest.fixture(autouse=True)
