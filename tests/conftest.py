@@ -1,13 +1,15 @@
 """What every test may use. Importing haustra here, and nowhere earlier, puts the runtime type checks on it."""
 
+import gc
 import os
 from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
 from jaxtyping import install_import_hook
-from runtime_types import check_anew, unchecked
+from runtime_types import check_anew, spare_what_is_unchecked, unchecked
 
 # Compiled from their sources, which the checks would change.
 import haustra.envs.view.picture.cover
@@ -16,6 +18,7 @@ import haustra.envs.view.picture.kernels
 with suppress(ImportError):  # so is this, for the GPU
     import haustra.envs.runs.warp_kernels  # noqa: F401
 
+spare_what_is_unchecked()
 install_import_hook("haustra", "runtime_types.check")
 
 
@@ -36,20 +39,38 @@ def _written_without_checks() -> None:
 _written_without_checks()
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    """Bring compiled code before workers start: once a run."""
-    if not hasattr(config, "workerinput"):
-        from tests import kept_code
+_FOR_JAX = pytest.StashKey[TemporaryDirectory[str]]()
 
+_ALLOCATIONS = 100_000, 10, 10
+"""How rarely garbage is looked for: each time, Python walks through a million objects, which took a quarter of some
+tests' time at its own 700 allocations; engineering choice."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Look for garbage rarely, and bring compiled code before workers start: once a run."""
+    gc.set_threshold(*_ALLOCATIONS)
+    from tests import kept_code
+
+    if not hasattr(config, "workerinput"):
         kept_code.bring()
+    config.stash[_FOR_JAX] = TemporaryDirectory(prefix="compiled-by-jax-")
+    kept_code.lend_to_jax(Path(config.stash[_FOR_JAX].name))
+
+
+def pytest_collection_finish() -> None:
+    """Let what was imported be, which no test throws away: garbage is looked for in the rest."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
     """Keep it for the next checkout."""
-    if not hasattr(session.config, "workerinput"):
-        from tests import kept_code
+    from tests import kept_code
 
+    if not hasattr(session.config, "workerinput"):
         kept_code.keep()
+    with session.config.stash[_FOR_JAX] as folder:
+        kept_code.take_from_jax(Path(folder))
 
 
 @pytest.fixture(autouse=True)

@@ -20,7 +20,7 @@ from haustra.models.anatomy import route
 from haustra.models.anatomy.colon import Centreline, Colon, Surface
 from haustra.models.anatomy.frames import arc_length, smooth
 from haustra.models.anatomy.label_colon import import_label_map
-from haustra.models.anatomy.lumen_grid import lumen_graph, surface_samples
+from haustra.models.anatomy.lumen_grid import LumenGraph, lumen_graph, surface_samples
 from haustra.models.anatomy.mesh_colon import import_colon
 from haustra.models.anatomy.rays import LumenRays
 from haustra.models.anatomy.repair import signed_volume
@@ -107,14 +107,17 @@ def lengths(colon: Colon, known: Published) -> dict[str, float]:
     }
 
 
-def radii(colon: Colon, known: Published) -> dict[str, float]:
-    """Differences of effective radii [mm]: as they stand, by the published definition, and per length of one line."""
+def radii(colon: Colon, known: Published, graph: LumenGraph | None = None) -> dict[str, float]:
+    """Differences of effective radii [mm]: as they stand, by the published definition, and per length of one line.
+
+    `graph` is the lumen filled with points, where an import has done so already.
+    """
     line, own = colon.centreline, effective_diameter(colon.centreline, colon.radius) / 2
     at = line.arc[known.stations(line)]
     inner = (at > ENDS) & (at < line.length - ENDS)
     plain = np.interp(at, line.arc, own) - known.radius
 
-    graph = lumen_graph(colon.lumen, volume=signed_volume(colon.lumen.vertices, colon.lumen.faces))
+    graph = graph or lumen_graph(colon.lumen, volume=signed_volume(colon.lumen.vertices, colon.lumen.faces))
     share = np.bincount(KDTree(known.path).query(graph.points)[1], minlength=len(known.path)) * graph.spacing**3
     again = np.sqrt(gaussian_filter1d(share, SPREAD) / 1e-3 / np.pi) - known.radius
 

@@ -3,10 +3,11 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cached_property, wraps
+from functools import cached_property, partial, wraps
 from inspect import getattr_static, signature
 from typing import Any
 
+import jaxtyping
 from beartype import BeartypeConf, beartype
 from jaxtyping import config
 
@@ -87,6 +88,21 @@ def _checked_function(signature: Any) -> Any:
     while found is not None and getattr(found, "__code__", None) is not _WRAPPER:
         found = getattr(found, "__wrapped__", None) or getattr(found, "func", None)
     return found
+
+
+def spare_what_is_unchecked() -> None:
+    """Give functions within functions back as they are where checks are left out (`unchecked`): to prepare a check that
+    is not made takes far longer than most of them run."""
+    prepared = jaxtyping.jaxtyped
+
+    def jaxtyped(*target: Any, **options: Any) -> Any:
+        if not target:
+            return partial(jaxtyped, **options)
+        if config.jaxtyping_disable and "<locals>" in getattr(target[0], "__qualname__", ""):
+            return target[0]
+        return prepared(*target, **options)
+
+    jaxtyping.jaxtyped = jaxtyped
 
 
 @contextmanager

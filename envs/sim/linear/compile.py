@@ -2,8 +2,10 @@
 
 import ctypes
 import functools
+import gc
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -58,7 +60,24 @@ def lanes_of(real: Any) -> int:
     return _BYTES // np.dtype(real).itemsize
 
 
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Let garbage lie meanwhile.
+
+    All of the half a million objects of a program live until it is written: the collector would walk through them and
+    everything else again and again, for half of the time that writing takes.
+    """
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
+
+
 @functools.cache
+@_uncollected()
 def write_program(
     *,
     lanes: int,
@@ -117,6 +136,7 @@ processor instead of eight, which wait for memory in turn (docs/decisions/linear
 
 
 @functools.cache
+@_uncollected()
 def write_kernel(
     *,
     group: int = WARP,

@@ -13,7 +13,7 @@ import numpy as np
 from llvmlite import ir
 
 from haustra.envs.sim.linear.memory import Lanes, size_of
-from haustra.envs.sim.linear.trace import INDEX, Mathematics, Number, Program, Value, Variable
+from haustra.envs.sim.linear.trace import Mathematics, Number, Program, Value, Variable, nth, order, undefined, vector
 
 
 class Dual(Value):
@@ -45,7 +45,7 @@ class DualProgram(Program):
         """
         super().__init__(name, arguments, **about)
         self.directions = directions
-        self.slopes = ir.VectorType(self.real, directions * self.lanes)
+        self.slopes = vector(self.real, directions * self.lanes)
         self.xp = DualMathematics(self)
 
     def combine(self, what: str, first: Any, second: Any) -> Value:
@@ -95,9 +95,9 @@ class DualProgram(Program):
         own = self.spread(value)
         mask = [lane for _ in range(self.directions) for lane in range(self.lanes)]
         if self.lanes == 1:
-            empty = ir.Constant(ir.VectorType(own.type, 1), ir.Undefined)
-            own = self.builder.insert_element(empty, own, ir.Constant(INDEX, 0))
-        return self.builder.shuffle_vector(own, own, ir.Constant(ir.VectorType(INDEX, len(mask)), mask))
+            empty = undefined(vector(own.type, 1))
+            own = self.builder.insert_element(empty, own, nth(0))
+        return self.builder.shuffle_vector(own, own, order(*mask))
 
     def slopes_of(self, value: Number) -> Any:
         """LLVM's vector of the derivatives of a number."""
@@ -110,7 +110,7 @@ class DualVariable(Variable):
     def __init__(self, program: DualProgram, value: Number) -> None:
         """Begin with a value."""
         self._dual, self._slopes = program, program.allocated(program.slopes)
-        lanes = ir.VectorType(program.real, program.lanes)
+        lanes = vector(program.real, program.lanes)
         super().__init__(program, value, program.real if program.lanes == 1 else lanes)
 
     @property
@@ -198,9 +198,9 @@ class DualLanes(Lanes):
         found = super().gather(slot, start)
         if isinstance(found, Dual):
             return found
-        slopes: Any = ir.Constant(program.slopes, ir.Undefined)
+        slopes: Any = undefined(program.slopes)
         for place, where in self._each_slope(slot + start):
-            slopes = builder.insert_element(slopes, builder.load(where, typ=program.real), ir.Constant(INDEX, place))
+            slopes = builder.insert_element(slopes, builder.load(where, typ=program.real), nth(place))
         return Dual(program, found.written, slopes)
 
     def scatter(self, slot: Value, value: Number, start: Number = 0) -> None:
@@ -211,7 +211,7 @@ class DualLanes(Lanes):
             return
         slopes = program.slopes_of(value)
         for place, where in self._each_slope(slot + start):
-            builder.store(builder.extract_element(slopes, ir.Constant(INDEX, place)), where)
+            builder.store(builder.extract_element(slopes, nth(place)), where)
 
     def _at(self, slot: Number) -> Any:
         program = self._program
@@ -223,9 +223,9 @@ class DualLanes(Lanes):
         program, builder = self._program, self._program.builder
         offset = (slot * program.slopes.count).written
         for lane in range(program.lanes):
-            own = builder.extract_element(offset, ir.Constant(INDEX, lane))
+            own = builder.extract_element(offset, nth(lane))
             for place in range(lane, program.slopes.count, program.lanes):
-                at = builder.add(own, ir.Constant(INDEX, place))
+                at = builder.add(own, nth(place))
                 yield place, builder.gep(self._slopes, [at], source_etype=program.real)
 
 

@@ -5,7 +5,7 @@ from typing import Any, Protocol
 
 from llvmlite import ir
 
-from haustra.envs.sim.linear.trace import INDEX, Number, Program, Value
+from haustra.envs.sim.linear.trace import INDEX, Number, Program, Value, nth, order, undefined, vector
 
 _SECTOR = 32
 """Bytes that a graphics processor's memory hands out together."""
@@ -47,7 +47,7 @@ class Lanes:
 
     def _loaded(self, slot: Number, lanes: int) -> Value:
         program = self._program
-        kind = program.real if lanes == 1 else ir.VectorType(program.real, lanes)
+        kind = program.real if lanes == 1 else vector(program.real, lanes)
         return Value(program, program.builder.load(self.place(slot), typ=kind, align=size_of(program)))
 
     def store(self, slot: Number, value: Number) -> None:
@@ -86,10 +86,10 @@ class Lanes:
         program, builder = self._program, self._program.builder
         if not _differ(slot):
             return self.load(slot + start)
-        found: Any = ir.Constant(ir.VectorType(program.real, program.lanes), ir.Undefined)
+        found: Any = undefined(vector(program.real, program.lanes))
         for lane, place in self._each(slot, start):
             number = builder.load(place, typ=program.real)
-            found = builder.insert_element(found, number, ir.Constant(INDEX, lane))
+            found = builder.insert_element(found, number, nth(lane))
         return Value(program, found)
 
     def scatter(self, slot: Any, value: Number, start: Number = 0) -> None:
@@ -100,7 +100,7 @@ class Lanes:
             return
         spread = program.spread(value)
         for lane, place in self._each(slot, start):
-            builder.store(builder.extract_element(spread, ir.Constant(INDEX, lane)), place)
+            builder.store(builder.extract_element(spread, nth(lane)), place)
 
     def _each(self, slot: Value, start: Number) -> Iterator[tuple[int, Any]]:
         """Lanes, and the place of each one's own slot."""
@@ -163,7 +163,7 @@ class OwnRows:
                 continue
             spread = program.spread(value)
             for lane in range(program.lanes):
-                own = Value(program, builder.extract_element(spread, ir.Constant(INDEX, lane)))
+                own = Value(program, builder.extract_element(spread, nth(lane)))
                 self._lanes.store(self._size * lane + (slot + more), own)
 
 
@@ -195,7 +195,7 @@ class Shared:
         if program.abreast == 1:
             return self.load(slot)
         place = program.builder.gep(self._base, [program.index(slot).written], source_etype=self._kind)
-        kind = ir.VectorType(self._kind, program.abreast)
+        kind = vector(self._kind, program.abreast)
         return Value(program, program.builder.load(place, typ=kind, align=size_of(program)))
 
     def fetch(self, slot: Number, count: int = 1) -> None:
@@ -206,10 +206,10 @@ class Shared:
         program, builder = self._program, self._program.builder
         if not _differ(slot):
             return self.load(slot)
-        found: Any = ir.Constant(ir.VectorType(self._kind, slot.lanes), ir.Undefined)
+        found: Any = undefined(vector(self._kind, slot.lanes))
         for lane in range(slot.lanes):
-            number = self.load(Value(program, builder.extract_element(slot.written, ir.Constant(INDEX, lane))))
-            found = builder.insert_element(found, number.written, ir.Constant(INDEX, lane))
+            number = self.load(Value(program, builder.extract_element(slot.written, nth(lane))))
+            found = builder.insert_element(found, number.written, nth(lane))
         return Value(program, found)
 
 
@@ -288,9 +288,9 @@ class Rows:
 
     def _four(self, row: Value, column: int) -> list[Value]:
         program, builder = self._program, self._program.builder
-        four, base = ir.VectorType(program.real, 4), self._base
+        four, base = vector(program.real, 4), self._base
         if column:
-            base = builder.gep(base, [ir.Constant(INDEX, column)], source_etype=program.real)
+            base = builder.gep(base, [nth(column)], source_etype=program.real)
 
         def loaded(at: Any) -> Any:
             pointer = builder.gep(base, [at], source_etype=program.real)
@@ -299,7 +299,7 @@ class Rows:
         lanes = row.lanes
         if lanes == 1:
             whole = loaded(row.written)
-            return [Value(program, builder.extract_element(whole, ir.Constant(INDEX, i))) for i in range(4)]
+            return [Value(program, builder.extract_element(whole, nth(i))) for i in range(4)]
         parts = [loaded(each) for each in program.indices(row)]
         # Side by side, those of lanes k, k + 4, k + 8, ...; then turned, fours by fours: shuffles within 16 bytes.
         sides = [self._joined(parts[k::4]) for k in range(4)]
@@ -319,7 +319,7 @@ class Rows:
             first, last = (self._picked(*pair, turn, lanes) for pair in ((a, b), (c, d)))
             rows = self._picked(first, last, half, lanes)
             for start in range(0, lanes, 4):
-                four = ir.Constant(ir.VectorType(INDEX, 4), list(range(start, start + 4)))
+                four = order(*range(start, start + 4))
                 slot = (row + (start + apart)) * (4 * self._fours) + column
                 place = builder.gep(self._base, [slot.written], source_etype=program.real)
                 builder.store(builder.shuffle_vector(rows, rows, four), place, align=4 * size_of(program))
@@ -328,14 +328,14 @@ class Rows:
         builder = self._program.builder
         while len(parts) > 1:
             count = parts[0].type.count
-            mask = ir.Constant(ir.VectorType(INDEX, 2 * count), list(range(2 * count)))
+            mask = order(*range(2 * count))
             parts = [builder.shuffle_vector(parts[i], parts[i + 1], mask) for i in range(0, len(parts), 2)]
         return parts[0]
 
     def _picked(self, first: Any, second: Any, pattern: tuple[int, ...], lanes: int) -> Any:
         """One choice, made of every four numbers of both."""
         mask = [4 * four + at % 4 + lanes * (at // 4) for four in range(lanes // 4) for at in pattern]
-        return self._program.builder.shuffle_vector(first, second, ir.Constant(ir.VectorType(INDEX, lanes), mask))
+        return self._program.builder.shuffle_vector(first, second, order(*mask))
 
 
 _TURN_LOW, _TURN_HIGH = (0, 4, 1, 5), (2, 6, 3, 7)

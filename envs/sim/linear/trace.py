@@ -5,6 +5,8 @@ thread). What numpy does with numbers, it writes down; `Program.xp` takes the pl
 stay loops (`Program.loop`), so that a program is as long as the law of one link.
 """
 
+import functools
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, TypeAlias
@@ -20,28 +22,57 @@ _FREE = ("reassoc", "contract", "arcp", "nsz")
 Number: TypeAlias = "Value | float | int"
 
 
+@functools.cache
+def vector(element: Any, count: int) -> Any:
+    """LLVM's type of so many numbers side by side; made once, as constants are, since a program has thousands."""
+    return ir.VectorType(element, count)
+
+
+@functools.cache
+def order(*numbers: int) -> Any:
+    """LLVM's vector of whole numbers, such as those that a shuffle takes."""
+    return ir.Constant(vector(INDEX, len(numbers)), list(numbers))
+
+
+@functools.cache
+def nth(number: int) -> Any:
+    """LLVM's value of a whole number, such as that of a lane."""
+    return ir.Constant(INDEX, number)
+
+
+@functools.cache
+def undefined(kind: Any) -> Any:
+    """LLVM's value of that type that is still to be filled."""
+    return ir.Constant(kind, ir.Undefined)
+
+
+@functools.cache
+def _constant(kind: Any, number: float, sign: float) -> Any:
+    """LLVM's value of a number; `sign` tells the two zeros apart."""
+    assert math.copysign(1.0, number) == sign
+    return ir.Constant(kind, number)
+
+
+@functools.cache
+def _everywhere(constant: Any, lanes: int) -> Any:
+    """LLVM's vector of one constant in all lanes."""
+    return ir.Constant(vector(constant.type, lanes), [constant] * lanes)
+
+
 class Value:
     """A number that is known when the program runs: real, whole, or true or false; in one world or in all lanes."""
 
     def __init__(self, program: "Program", written: Any) -> None:
         """`written` is LLVM's value."""
         self.program, self.written = program, written
-
-    @property
-    def lanes(self) -> int:
+        kind = written.type
+        several = isinstance(kind, ir.VectorType)
+        self.lanes: int = kind.count if several else 1
         """In how many worlds it is held; 1 for what all share."""
-        return self.written.type.count if isinstance(self.written.type, ir.VectorType) else 1
-
-    @property
-    def element(self) -> Any:
+        self.element: Any = kind.element if several else kind
         """LLVM's type of one number."""
-        kind = self.written.type
-        return kind.element if isinstance(kind, ir.VectorType) else kind
-
-    @property
-    def whole(self) -> bool:
+        self.whole = isinstance(self.element, ir.IntType)
         """Whether it is a whole number, or true or false."""
-        return isinstance(self.element, ir.IntType)
 
     def __add__(self, other: Number) -> "Value":
         return self.program.combine("add", self, other)
@@ -167,7 +198,8 @@ class Program:
     def constant(self, number: float, like: Any = None) -> Value:
         """A number of that LLVM type, or real."""
         kind = like or self.real
-        return Value(self, ir.Constant(kind, int(number) if isinstance(kind, ir.IntType) else float(number)))
+        exact = int(number) if isinstance(kind, ir.IntType) else float(number)
+        return Value(self, _constant(kind, exact, math.copysign(1.0, exact)))
 
     def index(self, number: Number) -> Value:
         """A whole number that all worlds share."""
@@ -178,13 +210,11 @@ class Program:
         own = value if isinstance(value, Value) else self.constant(value)
         if own.lanes == self.lanes:
             return own.written
-        kind = ir.VectorType(own.element, self.lanes)
         if isinstance(own.written, ir.Constant):
-            return ir.Constant(kind, [own.written] * self.lanes)
-        first = self.builder.insert_element(ir.Constant(kind, ir.Undefined), own.written, ir.Constant(INDEX, 0))
-        return self.builder.shuffle_vector(
-            first, first, ir.Constant(ir.VectorType(INDEX, self.lanes), [0] * self.lanes)
-        )
+            return _everywhere(own.written, self.lanes)
+        empty = undefined(vector(own.element, self.lanes))
+        first = self.builder.insert_element(empty, own.written, nth(0))
+        return self.builder.shuffle_vector(first, first, order(*[0] * self.lanes))
 
     def alone(self, value: Number) -> Any:
         """LLVM's value of a number that is not spread."""
@@ -205,21 +235,20 @@ class Program:
         """Whole numbers from one on, of what stands side by side; where nothing does, the first."""
         if self.abreast == 1:
             return first
-        kind = ir.VectorType(INDEX, self.abreast)
-        return first + Value(self, ir.Constant(kind, list(range(self.abreast))))
+        return first + Value(self, order(*range(self.abreast)))
 
     def apart(self, value: Value) -> list[Value]:
         """A number of each thing that stands side by side."""
         if self.abreast == 1:
             return [value]
         spread, builder = self.spread(value), self.builder
-        return [Value(self, builder.extract_element(spread, ir.Constant(INDEX, lane))) for lane in range(self.abreast)]
+        return [Value(self, builder.extract_element(spread, nth(lane))) for lane in range(self.abreast)]
 
     def indices(self, value: Value) -> list[Any]:
         """LLVM's values of a whole number that differs by lane, as wide as addresses are."""
         if ("indices", value.written) not in self._known:
             builder, lanes = self.builder, range(value.lanes)
-            own = [builder.extract_element(value.written, ir.Constant(INDEX, lane)) for lane in lanes]
+            own = [builder.extract_element(value.written, nth(lane)) for lane in lanes]
             self._known["indices", value.written] = [builder.sext(each, ir.IntType(64)) for each in own]
         return self._known["indices", value.written]
 
@@ -227,32 +256,33 @@ class Program:
         """What `apart` took apart."""
         if self.abreast == 1:
             return values[0]
-        found: Any = ir.Constant(ir.VectorType(values[0].element, self.abreast), ir.Undefined)
+        found: Any = undefined(vector(values[0].element, self.abreast))
         for lane, value in enumerate(values):
-            found = self.builder.insert_element(found, value.written, ir.Constant(INDEX, lane))
+            found = self.builder.insert_element(found, value.written, nth(lane))
         return Value(self, found)
 
-    def fetch(self, place: Any) -> None:
+    def fetch(self, pointer: Any) -> None:
         """Let what is in memory there come nearer, on a graphics processor."""
-        address: Any = self.builder.ptrtoint(place, ir.IntType(64))
+        address: Any = self.builder.ptrtoint(pointer, ir.IntType(64))
         kind = ir.FunctionType(ir.VoidType(), [address.type])
         self.builder.asm(kind, "prefetch.L1 [$0];", "l", [address], side_effect=True)
 
     def later(self, before: Value, now: Value) -> Value:
         """Numbers of what stands side by side, each in the place of the next; the first is the last of `before`."""
-        first = list(range(self.abreast - 1, 2 * self.abreast - 1))
-        mask = ir.Constant(ir.VectorType(INDEX, self.abreast), first)
+        mask = order(*range(self.abreast - 1, 2 * self.abreast - 1))
         return Value(self, self.builder.shuffle_vector(before.written, now.written, mask))
 
     def alike(self, first: Any, second: Any) -> tuple[Any, Any]:
         """LLVM's values of two numbers, of one type: real if either is, in all lanes if either is."""
-        element = (first if isinstance(first, Value) else second).element
-        pair = [each if isinstance(each, Value) else self._fitting(each, element) for each in (first, second)]
-        if pair[0].whole != pair[1].whole:
-            pair = [self._as_real(each) for each in pair]
-        if pair[0].lanes != pair[1].lanes:
-            return self.spread(pair[0]), self.spread(pair[1])
-        return pair[0].written, pair[1].written
+        if not isinstance(first, Value):
+            first = self._fitting(first, second.element)
+        elif not isinstance(second, Value):
+            second = self._fitting(second, first.element)
+        if first.whole != second.whole:
+            first, second = self._as_real(first), self._as_real(second)
+        if first.lanes != second.lanes:
+            return self.spread(first), self.spread(second)
+        return first.written, second.written
 
     def _fitting(self, number: float, element: Any) -> Value:
         whole = isinstance(element, ir.IntType) and isinstance(number, (int, np.integer))
@@ -261,14 +291,15 @@ class Program:
     def _as_real(self, value: Value) -> Value:
         if not value.whole:
             return value
-        kind = self.real if value.lanes == 1 else ir.VectorType(self.real, value.lanes)
+        kind = self.real if value.lanes == 1 else vector(self.real, value.lanes)
         return Value(self, self.builder.sitofp(value.written, kind))
 
     def combine(self, what: str, first: Any, second: Any) -> Value:
         """Sum, difference, product or quotient."""
         a, b = self.alike(first, second)
-        if not Value(self, a).whole or what == "div":
-            if Value(self, a).whole:
+        whole = Value(self, a).whole
+        if not whole or what == "div":
+            if whole:
                 a, b = (self._as_real(Value(self, each)).written for each in (a, b))
             return Value(self, getattr(self.builder, f"f{what}")(a, b, flags=self.flags))
         # Whole numbers are rows of tables: the same one is to be known again. None is as large as to wrap around.
@@ -307,7 +338,7 @@ class Program:
             return Value(self, self.builder.call(function, [value.written]))
         # LLVM takes what saturates apart, lane by lane.
         sound = self.xp.where(value == value, self.xp.clip(value, -_WHOLE, _WHOLE), 0.0)
-        return Value(self, self.builder.fptosi(sound.written, ir.VectorType(INDEX, value.lanes)))
+        return Value(self, self.builder.fptosi(sound.written, vector(INDEX, value.lanes)))
 
     def any(self, condition: Value) -> Any:
         """LLVM's value of whether it holds in any lane."""
@@ -373,7 +404,7 @@ class Program:
 
     def variable(self, value: Number, *, kind: Any = None) -> "Variable":
         """A number that may change; real, in all lanes, unless a type is given."""
-        return Variable(self, value, kind or (self.real if self.lanes == 1 else ir.VectorType(self.real, self.lanes)))
+        return Variable(self, value, kind or (self.real if self.lanes == 1 else vector(self.real, self.lanes)))
 
     def allocated(self, kind: Any) -> Any:
         """Room for one value."""

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
-from llvmlite import ir
 
 from haustra.envs.sim.linear.memory import Shared
-from haustra.envs.sim.linear.trace import INDEX, Value
+from haustra.envs.sim.linear.trace import Value, order
 from haustra.envs.view.picture.pixels import Pixels, begun, function_of
 
 LANES = 8
@@ -32,7 +31,7 @@ def write_caster() -> str:
     xp, width, pixels, first, last = program.xp, *(given[name] for name in _COUNTS[1:])
     boxes, ranges = (Shared(program, given[name], whole=True) for name in ("boxes", "ranges"))
     planes = Shared(program, given["planes"])
-    beside = Value(program, ir.Constant(ir.VectorType(INDEX, LANES), list(range(LANES))))
+    beside = Value(program, order(*range(LANES)))
     with (
         program.loop(0, given["parts"]) as part,
         program.loop(ranges.load(part * 2), ranges.load(part * 2 + 1)) as triangle,

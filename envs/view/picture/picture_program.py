@@ -9,11 +9,9 @@ import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from llvmlite import ir
-
 from haustra.envs.sim.linear.cameras import ARC, BACKWARDS, EYE, KNOWN, RADIUS, RIGHT, SPACING, UP, VIEW
 from haustra.envs.sim.linear.memory import Rows, Shared
-from haustra.envs.sim.linear.trace import Changing, Program, Value
+from haustra.envs.sim.linear.trace import Changing, Program, Value, nth, order
 from haustra.envs.view.picture import lumen_rays
 from haustra.envs.view.picture.lumen_rays import (
     FAR,
@@ -499,7 +497,7 @@ def _put(program: Program, edges: Shared, slot: Value, value: Value, condition: 
         edges.store(slot, value)
         return
     for lane in range(program.lanes):
-        at = ir.Constant(ir.IntType(32), lane)
+        at = nth(lane)
         one, held = (
             Value(program, program.builder.extract_element(program.spread(each), at)) for each in (value, condition)
         )
@@ -510,7 +508,7 @@ def _numbered(program: Program, first: Value) -> Value:
     """Whole numbers of things that stand side by side."""
     if program.lanes == 1:
         return first
-    return first + Value(program, ir.Constant(ir.VectorType(ir.IntType(32), program.lanes), list(range(program.lanes))))
+    return first + Value(program, order(*range(program.lanes)))
 
 
 @functools.cache
