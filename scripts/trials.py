@@ -27,8 +27,8 @@ class Trials:
     """Number of patients, each examined by both arms."""
     driver: str = "endoscopist"
     """Who drives: endoscopist, follower, a TOML file of settings, or a policy."""
-    seconds: float = number("s", 1.0, 3600.0, default=600.0)
-    """Longest insertion [s]."""
+    seconds: float = number("s", 1.0, 3600.0, default=960.0)
+    """Longest insertion [s]; as that of the cohort's four hundred patients."""
     seed: int = whole(0, 2**32 - 1, default=0)
     """Seed of the Latin hypercube that patients are drawn by."""
     backend: str = "linear"

@@ -67,15 +67,15 @@ class EndoscopistSettings:
     bent over on itself is pushed sideways, not on."""
     unbent: float = number("rad", 0.0, 3.0, default=0.4)
     """Largest bend that it steers for meanwhile [rad]."""
-    stroke: float = number("s", 0.05, 600.0, default=4.0)
+    stroke: float = number("s", 0.05, 600.0, default=6.0)
     """How long it pushes in one go [s]: quick strokes get on where slow ones only bow the colon."""
-    pause: float = number("s", 0.0, 600.0, default=4.0)
+    pause: float = number("s", 0.0, 600.0, default=2.0)
     """How long it looks between two strokes, the hand eased [s]."""
     calm: float = number("s", 0.0, 600.0, default=5.0)
     """Time without lumen passing for which one goes on gently [s]."""
     firmer: float = number("N/s", 0.0, 1e3, default=2.0)
     """Rate at which one pushes harder from then on, until lumen passes [N/s]."""
-    pull_force: float = number("N", 0.01, 1e3, default=17.0)
+    pull_force: float = number("N", 0.01, 1e3, default=12.0)
     """Pull at which withdrawal stands still [N]; clinics' largest is 17.7 N (Appleyard 2000)."""
     torque_limit: float = number("N m", 1e-3, 10.0, default=0.8)
     """Torque at which turning stands still [N m]."""
@@ -83,7 +83,7 @@ class EndoscopistSettings:
     """Speed of pulling back [m/s]."""
     lost_shaft: float = number("m", 0.005, 1.0, default=0.3)
     """Shaft that goes in without lumen passing before a loop is felt [m]; as much more after each attempt."""
-    new_colon: float = number("m", 0.01, 2.0, default=0.3)
+    new_colon: float = number("m", 0.01, 2.0, default=0.2)
     """New colon after which the shaft is straightened at the next bend that holds the tip [m]."""
     hook: float = number("rad", 0.0, 3.0, default=1.0)
     """Bend of the tip from which on it holds in a bend of the colon while the shaft is pulled [rad]."""

@@ -159,7 +159,7 @@ class PackedBend(NamedTuple):
     """What folds that lie against each other do against a bend at a node."""
 
     gradient: Vector
-    """Of their energy, over the change of direction from one edge to the next [N m]."""
+    """Gradient of their energy over the change of direction from one edge to the next [N m]."""
     tension: Any
     """Force in both edges [N]: a bend opens folds."""
     stiffness: Any
