@@ -205,8 +205,8 @@ def packed_energy(xp: Any, length: Any, rest: Any, amount: Any, turn: Any, bendi
 def packed_resistance(xp: Any, length: Any, before: tuple[Any, Any], after: tuple[Any, Any], h: Any) -> Any:
     """What a step's speed difference meets between nodes beside which folds lie against each other [N s/m].
 
-    Along the edge and across it, and all of the speed: were it changes of speed along it, as in `edge_resistance`, folds
-    that meet at a speed would go on at it, with a mass that came from nowhere.
+    Along the edge and across it, and all of the speed: were it changes of speed along it, as in `edge_resistance`,
+    folds that meet at a speed would go on at it, with a mass that came from nowhere.
 
     Args:
         xp: numpy or jax.numpy.
@@ -565,8 +565,8 @@ def step_axis(
     tie, along = edge_resistance(xp, shape.lengths, own.lengths, own.tension, stiff[:, :-1], stiff[:, 1:], h)
     packed = _packed(xp, own, shape)
     firm, opens = (xp.pad(part, ((0, 0), (1, 1))) for part in (packed.stiffness, packed.along))
-    beside = ((firm[:, part], opens[:, part]) for part in (slice(-1), slice(1, None)))
-    tie = tie + packed_resistance(xp, shape.lengths, *beside, h)
+    before, after = (firm[:, :-1], opens[:, :-1]), (firm[:, 1:], opens[:, 1:])
+    tie = tie + packed_resistance(xp, shape.lengths, before, after, h)
     leaning = lean_resistance(leaning + _flattening(xp, own, shape, flattened), shape.sums)
     held = (leaning[:, 1:] + leaning[:, :-1]) / shape.lengths**2
     apart = displacement.speed[:, 1:, :3] - displacement.speed[:, :-1, :3]
