@@ -1079,19 +1079,8 @@ def loops() -> Loops:
 
     overload(vectors.where)(lambda xp, condition, yes, no: lambda xp, condition, yes, no: yes if condition else no)
     own = (_node, _put, _put_more, _turn, _put_turn, _section, _cells, _rest_closing, _node_between, _edge_rate)
-    own = (
-        *own,
-        _rates,
-        _add_springs,
-        _lean,
-        _turn_sections,
-        _spread,
-        _enveloped,
-        _press_loops,
-        _look,
-        _follow,
-        _packed,
-    )
+    own = (*own, _rates, _add_springs, _lean, _turn_sections, _spread, _enveloped, _press_loops, _look)
+    own = (*own, _follow, _packed)
     entries = (
         _query,
         _query_moved,

@@ -350,12 +350,8 @@ class Axis:
             opened, *packed_after = opens(*packed)
             opened_before, *packed_before = openings(opened, *packed_after)
             rest, tension, torsion, stiffness_before = stiffer(rest, tension, torsion, stiffness)
-            pull = (
-                edge_tension(xp, length, rest, tension, self._of_world("pleating"))
-                - shortening
-                + opened
-                + opened_before
-            )
+            pull = edge_tension(xp, length, rest, tension, self._of_world("pleating")) + opened + opened_before
+            pull = pull - shortening
             pull = minus(times(pull, unit), unit_rate(unit, length, over))
             inside = (own.each >= 0) & (own.each < last)
             tie, surplus = edge_resistance(xp, length, rest, tension, stiffness_before, stiffness, h)

@@ -20,7 +20,7 @@ _HEAD = """\
 
 Made by `python -m haustra.scripts.bench.pages.teaching_page docs/validation/teaching.md DIR/teaching.json ...` from one
 teaching.json a lesson, and kept in docs/validation/data/teaching.json; do not edit. Measured before the endoscopist
-pushed harder and straightened later, as it does since 27 November 2026.
+pushed harder and in quicker strokes, as it does since 27 November 2026.
 """
 _LESSON = """
 ## {steps:,} steps
