@@ -186,7 +186,7 @@ groups, of so many worlds at most: worlds wait for each other less, and for memo
 
 
 def group_of(worlds: int) -> int:
-    """Worlds of a block on a graphics processor, from 1 to those of a whole warp (docs/decisions/linear.md)."""
+    """Worlds of a block on a graphics processor, from 1 to those of a whole warp (docs/decisions/linear-gpu.md)."""
     most = max(min(worlds // _FEW, _MANY), worlds // _GROUPS, 1)
     return min(WARP, 1 << most.bit_length() - 1)
 
