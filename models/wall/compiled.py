@@ -804,7 +804,7 @@ def _step_axis(
                 for i in range(3):
                     for j in range(3):
                         couples[node, i, j] += part * f[i] * held[j]
-        _add_springs(own, world, shape, couples, pulled, torque)
+        _add_springs(own, world, shape, couples, pulled, torque, firm, opens)
         _lean(own, world, shape, flattened, leaning)
         surrounded = own.walls[world, 0] > 0 or own.breaths[world, 1] > 0
         breathed = breath(np, own.breaths[world, 1], time[world]) if surrounded else 0.0
@@ -832,9 +832,6 @@ def _step_axis(
                 gripped[i] + h * (stiffness + braked[i] + drawn[world, i, 3]),
                 h,
             )
-        for i in range(1, count - 1):
-            packed = _packed(own, world, shape, i)
-            firm[i], opens[i] = packed.stiffness, packed.along
         for i in range(count - 1):
             before = own.upright[world, i] + bend_stiffness(np, own.bending[world, i], shape.sums[world, i])
             after = own.upright[world, i + 1] + bend_stiffness(np, own.bending[world, i + 1], shape.sums[world, i + 1])
@@ -1001,8 +998,13 @@ def _turn_sections(
         _put_turn(pose, world, i, 3, turn)
 
 
-def _add_springs(own: Any, world: int, shape: Any, couples: Any, pulled: Any, torque: Any) -> None:
-    """Add the forces along and across the axis to those on its nodes; write the torques about it."""
+def _add_springs(
+    own: Any, world: int, shape: Any, couples: Any, pulled: Any, torque: Any, firm: Any, opens: Any
+) -> None:
+    """Add the forces along and across the axis to those on its nodes; write the torques about it.
+
+    And how much folds that press on each other resist, between the ends (`PackedBend.stiffness`, `PackedBend.along`).
+    """
     last = shape.lengths.shape[1]
     still = 1.0, (0.0, 0.0, 0.0)
     shortening, opening = np.empty(last), np.zeros(last)
@@ -1038,6 +1040,7 @@ def _add_springs(own: Any, world: int, shape: Any, couples: Any, pulled: Any, to
         if 0 < i < last:
             change = minus(_node(shape.units, world, i), _node(shape.units, world, i - 1))
             packed = _packed(own, world, shape, i)
+            firm[i], opens[i] = packed.stiffness, packed.along
             opening[i - 1] += packed.tension
             opening[i] += packed.tension
             bend = add(bend_gradient(np, change, own.turns[world, i], own.bending[world, i]), packed.gradient)

@@ -295,10 +295,14 @@ class Axis:
             tangent, at_rest = times(1 / size, total), self._vector(node, "tangent")
             inner = (node.each > 0) & (node.each < last)
             bending = self._number(node, "bending")
-            bend = bend_gradient(xp, minus(unit, unit_before), self._number(node, "turn"), bending)
-            change, width = minus(unit, unit_before), self._number(node, "width")
+            change, bent_at_rest, width = (
+                minus(unit, unit_before),
+                self._number(node, "turn"),
+                self._number(node, "width"),
+            )
+            bend = bend_gradient(xp, change, bent_at_rest, bending)
             both = length + length_before, self._number(node, "length") + self._number(cell, "length")
-            packed = packed_bend(xp, *both, change, self._number(node, "turn"), bending, width)
+            packed = packed_bend(xp, *both, change, bent_at_rest, bending, width)
             bend = self._where(inner, add(bend, packed.gradient))
             stiffness = bend_stiffness(xp, bending, size)
             packed = [xp.where(inner, part, 0.0) for part in (packed.tension, packed.stiffness, packed.along)]
