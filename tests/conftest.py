@@ -8,6 +8,10 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
+
+# Read when JAX begins: it compiles what most tests run once, and takes a third longer to make that fast.
+os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
+
 from jaxtyping import install_import_hook
 from runtime_types import check_anew, spare_what_is_unchecked, unchecked
 
@@ -37,6 +41,17 @@ def _written_without_checks() -> None:
 
 
 _written_without_checks()
+
+
+def _compiled_quickly() -> None:
+    """Compile programs of linear time as they are written: to better them takes LLVM three times as long as that, and
+    most tests run one for a second. What it changes, rounding, is a test (tests/envs/sim/linear/test_compile.py)."""
+    from haustra.envs.sim.linear import compile as programs
+
+    programs._PASSES = 0
+
+
+_compiled_quickly()
 
 
 _FOR_JAX = pytest.StashKey[TemporaryDirectory[str]]()

@@ -22,6 +22,8 @@ from haustra.envs.sim.linear.trace import INDEX, Program, Value
 from haustra.models.wall import cache
 
 LONG = ir.IntType(64)
+_PASSES = 3
+"""How much LLVM is to better a CPU's program before it makes machine code of it, from nothing, 0, to all it can, 3."""
 _BYTES = 32
 """Width of the registers that a program is written for, in bytes: eight numbers in single precision."""
 
@@ -311,10 +313,10 @@ def compiled(text: str) -> tuple[Any, Callable[..., None]]:
 def engine_of(text: str) -> Any:
     """LLVM's engine with the machine code of a program, new or kept from before."""
     machine = _machine()
-    path = _kept_at(f"{text}{llvm.get_host_cpu_name()}{llvm.get_host_cpu_features().flatten()}", "o")
+    path = _kept_at(f"{text}{llvm.get_host_cpu_name()}{llvm.get_host_cpu_features().flatten()}{_PASSES}", "o")
     code = cache.read(path)
     if code is None:
-        code = machine.emit_object(_module(text, machine))
+        code = machine.emit_object(_module(text, machine, passes=_PASSES))
         cache.keep(path, code)
     # Without LLVM's own cache of objects, which calls Python back: an interruption there would be lost.
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
@@ -332,7 +334,7 @@ def assembled(text: str, *, architecture: str = "sm_80") -> str:
     llvm.initialize_all_asmprinters()
     target = llvm.Target.from_triple("nvptx64-nvidia-cuda")
     machine = target.create_target_machine(cpu=architecture, opt=3)
-    found = machine.emit_assembly(_module(text, machine))
+    found = machine.emit_assembly(_module(text, machine, passes=3))
     cache.keep(path, found.encode())
     return found
 
@@ -343,11 +345,11 @@ def _kept_at(about: str, kind: str) -> Path:
     return cache.cache_folder() / "linear" / f"{key}.{kind}"
 
 
-def _module(text: str, machine: Any) -> Any:
-    """LLVM's module of a program for a processor, as fast as it can be made."""
+def _module(text: str, machine: Any, *, passes: int) -> Any:
+    """LLVM's module of a program for a processor, bettered by some of its passes (`_PASSES`)."""
     module = llvm.parse_assembly(text)
     module.triple, module.data_layout = machine.triple, str(machine.target_data)
     module.verify()
-    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
+    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=passes))
     builder.getModulePassManager().run(module, builder)
     return module

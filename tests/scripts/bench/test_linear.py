@@ -46,7 +46,9 @@ def test_a_launch_on_a_gpu_repeats_to_the_bit(mesentery, worlds):
 def test_a_program_is_compiled_once_and_read_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """Both backends whose time is taken ask for the same programs, of which only the first has to be compiled."""
     made, asked, plain, engine_of = [], [], compile._module, compile.engine_of
-    monkeypatch.setattr(compile, "_module", lambda text, machine: (made.append(text), plain(text, machine))[1])
+    monkeypatch.setattr(
+        compile, "_module", lambda text, *how, **passes: (made.append(text), plain(text, *how, **passes))[1]
+    )
     monkeypatch.setattr(compile, "engine_of", lambda text: (asked.append(text), engine_of(text))[1])
     times = compile_cost(_bank())
     assert made and len(made) == len(set(made)) and sorted(asked) == sorted(2 * made)
