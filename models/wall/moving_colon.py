@@ -555,7 +555,7 @@ def step_axis(
     parts = resists, resists * square, pressed * square, leans * square
     gripped, gripped_turn, flattened, leaning = (_onto_nodes(xp, own, cell, part) for part in parts)
     around = _surroundings(xp, own, displacement.pose, time, found)
-    springs, turning, shape = _forces(xp, own, displacement.pose, couples, around)
+    springs, turning, shape, packed = _forces(xp, own, displacement.pose, couples, around)
     pulled = _onto_nodes(xp, own, cell, force) + springs + gripped[..., None] * displacement.speed[..., :3]
     diagonal = node_resistance(xp, around.hung, own.slack, own.hold, own.support, own.drag, gripped, h)
     diagonal = diagonal + h * around.stiffness
@@ -563,7 +563,6 @@ def step_axis(
         pulled, diagonal = pulled + drawn.force, diagonal + h * drawn.stiffness
     stiff = bend_stiffness(xp, own.bending, shape.sums) + own.upright
     tie, along = edge_resistance(xp, shape.lengths, own.lengths, own.tension, stiff[:, :-1], stiff[:, 1:], h)
-    packed = _packed(xp, own, shape)
     firm, opens = (xp.pad(part, ((0, 0), (1, 1))) for part in (packed.stiffness, packed.along))
     before, after = (firm[:, :-1], opens[:, :-1]), (firm[:, 1:], opens[:, 1:])
     tie = tie + packed_resistance(xp, shape.lengths, before, after, h)
@@ -653,7 +652,7 @@ def _outside(xp: Any, own: Mesentery, pose: Array, time: Array | None) -> _Surro
 
 def _forces(
     xp: Any, own: Mesentery, pose: Array, couples: Array, around: _Surroundings
-) -> tuple[Array, Array, AxisShape]:
+) -> tuple[Array, Array, AxisShape, PackedBend]:
     shape = shape_of(xp, own, pose)
     tangents = vectors.of(shape.tangents)
     rows = vectors.of(couples[..., 0, :]), vectors.of(couples[..., 1, :]), vectors.of(couples[..., 2, :])
@@ -683,7 +682,7 @@ def _forces(
     tension = tension - shortening + _onto_edges(xp, packed.tension)
     pull = stacked(xp, minus(times(tension, units), unit_rate(units, shape.lengths, over_units)))
     held = stacked(xp, add(hold_force(xp, around.hung, own.slack, own.hold, own.support), around.force))
-    return held + own.load + _from_edges(xp, pull), turning, shape
+    return held + own.load + _from_edges(xp, pull), turning, shape, packed
 
 
 def _packed(xp: Any, own: Mesentery, shape: AxisShape) -> PackedBend:
