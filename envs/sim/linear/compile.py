@@ -132,9 +132,9 @@ def write_program(
 
 WARP = 32
 """Threads that a graphics processor runs together; each steps a world."""
-_REGISTERS = 168
-"""Registers of a thread at most where a GPU is full and colons move, a design a world: twelve warps run on each
-processor instead of eight, which wait for memory in turn (docs/decisions/linear.md); engineering choice."""
+_REGISTERS = 184
+"""Registers of a thread at most where a GPU is full and colons move: as fast as any that was tried of 152 to 255, with
+a design a world or one (docs/decisions/linear.md); engineering choice."""
 
 
 @functools.cache
@@ -161,7 +161,7 @@ def write_kernel(
     program, arrays, counts, (steps, row, _, worlds) = _begun(1, real, approximate=True)
     around = {"moving": moving, "surrounded": surrounded, "rooted": rooted, "touching": touching, "by_turns": True}
     program.fetches = True
-    if moving and not one_design and group == WARP:
+    if moving and group == WARP:
         program.limit_registers(_REGISTERS)
     block, blocks, lane = _launched_as(program, "ctaid", "nctaid", "tid")
     # Blocks that are launched take worlds in turn, so that there are rooms for those only that run at the same time.
