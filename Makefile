@@ -8,7 +8,7 @@ LOCKED := --disable-pip-version-check --quiet --require-hashes
 UV_COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
 	--no-emit-package haustra --custom-compile-command 'make lock' $(UPGRADE) pyproject.toml -
 
-.PHONY: help demo test thorough bench lint format types docs wheel wheels page lock clean
+.PHONY: help demo test tests thorough bench lint format types docs wheel wheels page lock clean
 .DELETE_ON_ERROR:
 
 help:
@@ -33,9 +33,13 @@ demo: $(VENV)/.installed
 	@echo 'Open $(CURDIR)/demo/run/report.html, which plays the run, and demo/run/film.webp;'
 	@echo 'demo/fixed/report.html has the same colon held still, as a wall of convex pieces'
 
+# Types are checked while tests run, which leave pyright's one thread some of two cores.
+test: lint
+	$(MAKE) --no-print-directory --jobs 2 types tests
+
 # A process a core, up to four since each takes a gigabyte, and one thread for numpy's BLAS: on small matrices and two cores, more of them wait for each other far longer than they compute.
 # Each process goes on where it is, so that neighbours share what they set up, and takes of another's rest when it has none.
-test: lint types
+tests: $(VENV)/.installed-dev
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not thorough" --numprocesses auto --maxprocesses 4 --dist worksteal $(PYTEST_ARGUMENTS)
 
 thorough: $(VENV)/.installed-dev
@@ -51,7 +55,7 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check
 
 types: $(VENV)/.installed-dev
-	$(BIN)/pyright --threads 2 --pythonpath $(BIN)/python
+	$(BIN)/pyright --pythonpath $(BIN)/python
 
 format: $(VENV)/.installed-dev
 	$(BIN)/ruff check --fix

@@ -24,6 +24,9 @@ HINT = f"{PROGRAM} VERB --help says what each takes; {PROGRAM} {BENCH} {LIST} na
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code: 0 success, 2 bad input, 3 diverged, 130 interrupted."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    # Verbs draw in processes of their own: MuJoCo need not look for a window library, which it does by running another
+    # Python for a tenth of a second, whose complaint would be printed if it were interrupted then.
+    os.environ.setdefault("MUJOCO_GL", "disable")
     try:
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(errors="replace")  # a terminal that takes ASCII only gets question marks

@@ -67,19 +67,19 @@ class EndoscopistSettings:
     bent over on itself is pushed sideways, not on."""
     unbent: float = number("rad", 0.0, 3.0, default=0.4)
     """Largest bend that it steers for meanwhile [rad]."""
-    stroke: float = number("s", 0.05, 600.0, default=6.0)
+    stroke: float = number("s", 0.05, 600.0, default=8.0)
     """How long it pushes in one go [s]: quick strokes get on where slow ones only bow the colon."""
     pause: float = number("s", 0.0, 600.0, default=2.0)
     """How long it looks between two strokes, the hand eased [s]."""
-    calm: float = number("s", 0.0, 600.0, default=5.0)
+    calm: float = number("s", 0.0, 600.0, default=3.0)
     """Time without lumen passing for which one goes on gently [s]."""
-    firmer: float = number("N/s", 0.0, 1e3, default=2.0)
+    firmer: float = number("N/s", 0.0, 1e3, default=4.0)
     """Rate at which one pushes harder from then on, until lumen passes [N/s]."""
-    pull_force: float = number("N", 0.01, 1e3, default=12.0)
+    pull_force: float = number("N", 0.01, 1e3, default=15.0)
     """Pull at which withdrawal stands still [N]; clinics' largest is 17.7 N (Appleyard 2000)."""
     torque_limit: float = number("N m", 1e-3, 10.0, default=0.8)
     """Torque at which turning stands still [N m]."""
-    withdraw_rate: float = number("m/s", 1e-4, 1.0, default=0.025)
+    withdraw_rate: float = number("m/s", 1e-4, 1.0, default=0.05)
     """Speed of pulling back [m/s]."""
     lost_shaft: float = number("m", 0.005, 1.0, default=0.3)
     """Shaft that goes in without lumen passing before a loop is felt [m]; as much more after each attempt."""

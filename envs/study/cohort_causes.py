@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from haustra.envs.study.cohort_table import Published
-from haustra.envs.study.patients import patient_variables, traits
+from haustra.envs.study.patients import Patient, patient_variables, traits
 from haustra.envs.study.store import SweepStore
 
 FEWEST = 12
@@ -53,9 +53,11 @@ def causes(store: SweepStore, about: Published, *, driver: str, device: str, mos
             continue
         drawn = np.array([float(variables.get(variable.name, variable.nominal)) for variables, _ in pairs])
         low, high = np.quantile(drawn, [1 / 3, 2 / 3])
+        is_below, is_above = drawn < low, drawn >= high
         if variable.name in traits():
-            low = high = traits()[variable.name]
-        below, above = values[drawn < low], values[drawn >= high]
+            is_below = np.array([Patient.of(variables).has(variable.name) for variables, _ in pairs])
+            is_above = ~is_below
+        below, above = values[is_below], values[is_above]
         if not len(below) or not len(above) or np.ptp(values) == 0:
             continue
         means = float(below.mean()), float(above.mean())

@@ -107,6 +107,17 @@ def traits() -> Mapping[str, float]:
     return {each.name: each.nominal for each in patient_variables() if each.name in _TRAITS}
 
 
+def adhesion_share(sex: str) -> float:
+    """Share of a sex whose sigmoid has grown to what is beside it [1].
+
+    That of all people is published; women have what hysterectomies leave beside what others have.
+    """
+    everybody, after = clinic_number("sigmoid_adhesions"), clinic_number("adhesions_after_surgery")
+    operated = clinic_number("hysterectomy") * after
+    men = max(2 * everybody - operated, 0.0) / (2 - operated)
+    return men if sex == "male" else 2 * everybody - men
+
+
 _TRAITS = ("sex", "coiled", "mobile_descending", "mobile_ascending", "adhesions")
 
 
@@ -119,7 +130,8 @@ class Patient:
 
     def has(self, trait: str) -> bool:
         """Whether the patient has a trait."""
-        return self.values[trait] < traits()[trait]
+        share = adhesion_share(self.sex) if trait == "adhesions" else traits()[trait]
+        return self.values[trait] < share
 
     @property
     def sex(self) -> str:

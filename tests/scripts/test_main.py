@@ -104,3 +104,11 @@ def test_shells_are_offered_verbs_options_and_choices(capsys) -> None:
     assert all(word in line.split() for line, word in zip(offered, typed.values(), strict=True))
     assert main(["completion", "fish"]) == SUCCESS
     assert "__haustra_verb run' -l preset -xa 'fast balanced accurate'" in capsys.readouterr().out
+
+
+def test_mujoco_is_loaded_without_looking_for_a_window_library() -> None:
+    """It does so by running another Python, whose complaint is printed if a verb is interrupted then."""
+    program = "import sys; from haustra.scripts.main import main; main([]); import mujoco; print('glfw' in sys.modules)"
+    plain = {name: value for name, value in os.environ.items() if name != "MUJOCO_GL"}
+    finished = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=plain, check=True)
+    assert finished.stdout.splitlines()[-1] == "False"

@@ -18,6 +18,7 @@ from haustra.envs.study.cohort import OWN_DEVICE, PRESETS, SCORES, Examiner, coh
 from haustra.envs.study.cohort_table import observables, published, verdicts, wilson
 from haustra.envs.study.patients import (
     Patient,
+    adhesion_share,
     clinic_number,
     injury_variables,
     left_as_they_are,
@@ -56,8 +57,20 @@ def _within(entry: dict, number) -> bool:
 
 def test_a_latin_hypercube_gives_traits_their_share():
     patients = [Patient.of(design) for design in designs_of(cohort_study("full"))]
-    for trait, share in traits().items():
-        assert np.mean([patient.has(trait) for patient in patients]) == pytest.approx(share, abs=1 / 400)
+    by_sex = {"adhesions"}
+    for trait in traits().keys() - by_sex:
+        assert np.mean([patient.has(trait) for patient in patients]) == pytest.approx(traits()[trait], abs=1 / 400)
+
+
+def test_as_many_have_adhesions_as_published_and_women_more_by_what_hysterectomies_leave():
+    men, women = (adhesion_share(sex) for sex in ("male", "female"))
+    assert (men + women) / 2 == pytest.approx(clinic_number("sigmoid_adhesions"))
+    after = clinic_number("hysterectomy") * clinic_number("adhesions_after_surgery")
+    assert women == pytest.approx(men + (1 - men) * after)
+    patients = [Patient.of(design) for design in designs_of(cohort_study("full", patients=4000))]
+    for sex, share in (("male", men), ("female", women)):
+        found = [patient.has("adhesions") for patient in patients if patient.sex == sex]
+        assert np.mean(found) == pytest.approx(share, abs=0.02)  # three standard deviations
 
 
 def test_each_driver_and_device_sees_the_same_patients():
