@@ -19,13 +19,14 @@ class Doctor:
         from haustra.envs.view.picture.backends import probe_backends
         from haustra.provenance import package_versions
 
+        asked = os.environ.get("MUJOCO_GL", "")
         return {
             "platform": platform.platform(),
             "cores": os.cpu_count(),
             "versions": package_versions(),
             "backends": _backends(),
             "rendering": {"software": "works", **probe_backends()},
-            "mujoco_gl": os.environ.get("MUJOCO_GL", "not set"),
+            "mujoco_gl": "not set" if asked in ("", "disable") else asked,  # `main` disables it where it is not set
         }
 
 
