@@ -29,9 +29,10 @@ INDENTED = 0.005
 """Nodes are drawn to a shaft whose axis stands further than this in the wall [m]; engineering choice: contacts of its
 spheres press by more than ten newtons there."""
 
-PACKED = 4.0
+PACKED = 2.9
 """Most of the axis at rest that lies along a piece of shaft, over its length [1]; engineering choice: folds that lie
-against each other, at 0.35 of their length, and are pressed by a hand's 32 N, to 0.26."""
+against each other, at 0.35 of their length. With 4, to which 32 N press them, what is packed between two spheres of a
+bend folds up beside the shaft, and pinches it (docs/log/navigation.md)."""
 
 
 def threaded_arc(xp: Any, arc: Any, upto: Any, apart: Any) -> Any:

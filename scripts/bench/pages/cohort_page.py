@@ -52,8 +52,10 @@ and 2.5 cm/s, pushes in strokes of 8 s instead of 6 s, and firmer sooner.
 **What is outside, and why.**
 
 - *P(perforation)*, 0.0028 where 0.0020 is the band's end, and 0.0068 of the other thousand: six of the 2,000 bear
-  0.0029 of their 0.0048, whose gathered sigmoid presses on a link by up to 62 N (a trial) as a pull ends, with ten at
-  the hand. Not mended. Pulls with 12 N make it 0.0008 in those 240 patients, but then none of the peaks is inside.
+  0.0029 of their 0.0048, whose colon had folded up beside the shaft and pinched it, with ten newtons at the hand. These
+  cohorts were before no more than 2.9 of colon could lie along a piece of shaft, by which the eight worst of the other
+  thousand have 0.083 at most ([log](../log/navigation.md#endoscopists-that-were-tried)); a cohort since then was not
+  examined.
 - *Pain*: the sigmoid hurts 0.79, mostly by the mesentery, for 122 s; the left flexure 0.40, where 0.38 is the band's
   end. In the softest third of the mesentery's range the sigmoid hurts 0.60, which is inside, but the left flexure 0.12,
   which is not; pain is one of those to judge by.
