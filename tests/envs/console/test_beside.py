@@ -123,20 +123,22 @@ def test_two_vehicles_are_driven_beside_each_other_by_one_hand(colon_folder, tmp
             assert (scene["views"], scene["mode"]) == (2, "drive")
             assert scene["radius"] == pytest.approx(named_design(name).diameter / 2)
         begun = page.rows()
-        await page.until(
-            lambda: all(
-                now["insertion"] > was["insertion"] + 0.01 for now, was in zip(page.rows(), begun, strict=True)
-            ),
-            pause=False,
-            hand={"push": 1.0, "left": 0.5},
-        )
+
+        def apart() -> bool:
+            """Whether both have gone on, and come to walls: before one, both go just where the hand goes."""
+            one, other = page.rows()
+            together = one["time"] == pytest.approx(other["time"])
+            on = [now["insertion"] > was["insertion"] + 0.01 for now, was in zip((one, other), begun, strict=True)]
+            return together and all(on) and one["insertion"] != other["insertion"]
+
+        await page.until(apart, pause=False, hand={"push": 1.0, "left": 0.5})
         assert page.shown["frame", 0][0]["knobs"] == page.shown["frame", 1][0]["knobs"] != [0.0] * 5
         await page.until(
             lambda: page.shown["frame", 0][0]["paused"] and page.shown["frame", 1][0]["paused"], pause=True
         )
         one, other = page.rows()
         assert one["time"] == pytest.approx(other["time"]) and one["time"] > 0.1
-        assert one != other, "they are two vehicles"  # not by insertion: before a wall, both go where the hand goes
+        assert one["insertion"] != other["insertion"], "they are two vehicles"
 
     call = "drive", "--colon", str(colon_folder), "--device", "paediatric", "--beside", "adult", "--preset", "fast"
     with _served(*call, "-o", str(tmp_path / "drive")) as url:
