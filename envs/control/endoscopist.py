@@ -12,7 +12,8 @@ by how much lumen has passed since. What it does is one of a few small manoeuvre
   does not make good, which is how a loop feels. A loop that comes again is left deeper each time;
 - **jiggle**: short strokes in and out, which pleat the colon onto the shaft;
 - **rest**: a while without any motion after each manoeuvre, in which one looks, lets gas in or out, and breathes;
-- **ask the assistant**: a hand on the belly, and then other postures, one after the other, when attempts have failed.
+- **ask the assistant**: a hand on the belly, and then other postures, one after the other, when attempts have failed;
+- **give up**: after many attempts in vain the insertion is over.
 
 Its rules are one function of (xp, …), as the follower's, for any number of worlds in numpy, JAX and programs of linear
 time. What the assistant does is a number in its memory, which who steps the colon must honour (`ASSISTANT`).
@@ -105,9 +106,10 @@ class EndoscopistSettings:
     """Time of one turn to and fro [s]."""
     patience: float = number("s", 0.1, 600.0, default=60.0)
     """Time without lumen passing after which something else is tried [s]."""
-    most_attempts: float = number("1", 1.0, 1e3, default=20.0)
-    """Attempts without new colon after which it gives up, and rests: twice clinics' medians of 7 to 10, where they go
-    up to 80 (Shah 2000); pain and looping end one insertion in twenty to ten there (Thieme a-0574-2478)."""
+    most_attempts: float = number("1", 1.0, 1e3, default=12.0)
+    """Attempts without new colon after which it gives up, which ends the insertion: above clinics' medians of 7 to 10
+    in all, where they go up to 80 (Shah 2000); pain and looping end one insertion in twenty to ten there (Thieme
+    a-0574-2478)."""
     rest: float = number("s", 0.0, 600.0, default=3.0)
     """Rest after each manoeuvre [s]."""
     jiggle: float = number("m", 0.0, 0.2, default=0.015)
@@ -131,7 +133,7 @@ class EndoscopistSettings:
     @classmethod
     def law(cls) -> Law:
         """What drives by these settings."""
-        return Law(cls, FIRST_MEMORY, rules)
+        return Law(cls, FIRST_MEMORY, rules, gives_up=gives_up)
 
 
 class Memory(NamedTuple):
@@ -174,6 +176,11 @@ def pulls_back(memory: Any) -> Any:
     return memory.mode == _PULL if isinstance(memory, Memory) else None
 
 
+def gives_up(settings: Any, memory: Any) -> Any:
+    """Whether an endoscopist who remembers so much ends the insertion: the last attempt that it makes has ended."""
+    return (memory.mode == _REST) & (memory.attempts >= settings.most_attempts)
+
+
 def rules(
     xp: Any, settings: Any, steering: Steering, sensed: Sensed, memory: Memory, *, interval: float
 ) -> tuple[Decision, Memory]:
@@ -212,29 +219,29 @@ def rules(
     bent_up, bent_left = sensed.bend
     hooked = bent_up * bent_up + bent_left * bent_left > own.hook * own.hook
     routine = (arc > memory.straight_arc + own.new_colon) & hooked
-    gives_up = advancing & (looping | stuck | routine)
+    leaves_off = advancing & (looping | stuck | routine)
     withdrawn = begun - shaft
     slipped = (arc < memory.held_arc - own.slip) & (withdrawn > own.least_pull)
     strong = (force < -_STRONG * own.pull_force) & (withdrawn > own.least_pull)
     far = (withdrawn > own.most_pull) | (shaft < _LEAST_SHAFT)
     over = pulling & (slipped | strong | far | (waited > own.longest_pull))
-    rested = (memory.mode == _REST) & (waited > own.rest) & (memory.attempts < own.most_attempts)
+    rested = (memory.mode == _REST) & (waited > own.rest) & ~gives_up(own, memory)
     jiggled = (memory.mode == _JIGGLE) & (waited > own.jiggle_time)
     # What is done next.
-    attempts = xp.where(gives_up & (looping | stuck), attempts + 1, attempts)
+    attempts = xp.where(leaves_off & (looping | stuck), attempts + 1, attempts)
     third = attempts - 3 * xp.floor(attempts / 3)
-    jiggles = gives_up & stuck & (third == 0.0) & (attempts > 0)
-    mode = xp.where(gives_up, xp.where(jiggles, _JIGGLE, _PULL), memory.mode)
+    jiggles = leaves_off & stuck & (third == 0.0) & (attempts > 0)
+    mode = xp.where(leaves_off, xp.where(jiggles, _JIGGLE, _PULL), memory.mode)
     mode = xp.where(over | jiggled, _REST, xp.where(rested, _ADVANCE, mode))
-    changed = gives_up | over | rested | jiggled
+    changed = leaves_off | over | rested | jiggled
     since = xp.where(changed, time, memory.since)
-    begins = gives_up | rested
+    begins = leaves_off | rested
     held, moved = xp.where(begins, arc, held), xp.where(begins, time, moved)
-    begun = xp.where(gives_up, shaft, begun)
+    begun = xp.where(leaves_off, shaft, begun)
     straight = xp.where(over, best, memory.straight_arc)
     odd = attempts - 2 * xp.floor(attempts / 2)
     turn = own.twist * xp.where(odd == 1.0, -1.0, 1.0)
-    roll_goal = xp.where(gives_up & ~jiggles, turn, xp.where(rested & (attempts == 0), 0.0, memory.roll_goal))
+    roll_goal = xp.where(leaves_off & ~jiggles, turn, xp.where(rested & (attempts == 0), 0.0, memory.roll_goal))
     assist = attempts - len(ASSISTANT) * xp.floor(attempts / len(ASSISTANT))
     # How the hand moves: the longer no lumen passes, the firmer it pushes.
     firmly = own.firmer * xp.maximum(time - moved - own.calm, 0.0)

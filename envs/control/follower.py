@@ -158,6 +158,8 @@ class Law(NamedTuple):
     """`rules(xp, settings, steering, sensed, memory, interval=…)`: a `Decision`, and what is remembered."""
     senses: bool = True
     """Whether it decides by what it senses; rules get None for `steering` and `sensed` where it does not."""
+    gives_up: Any = None
+    """`gives_up(settings, memory)`: whether those who remember so much end the run; None of who never does."""
 
     @property
     def numbers(self) -> tuple[str, ...]:
@@ -376,6 +378,12 @@ class LumenFollower:
     def attempts(self) -> int:
         """Times that it backed off since the last progress."""
         return int(self.memory.attempts[0])
+
+    @property
+    def gives_up(self) -> bool:
+        """Whether it ends the run, having tried what it can."""
+        gives_up = self.settings.law().gives_up
+        return gives_up is not None and bool(gives_up(self.settings, self.memory)[0])
 
     def _ahead(self, seen: Readings, arc: float) -> Float[np.ndarray, "3"]:
         """Place of the centreline that it steers towards, where it is now [m]."""

@@ -39,6 +39,11 @@ class WorldsFollower:
         """Memory of a follower that has seen nothing yet."""
         return self.settings.law().begin(jnp, worlds, kind)
 
+    def gives_up(self, memory: Any) -> Any:
+        """Which of those who remember so much end their runs."""
+        own = self.settings.law().gives_up
+        return jnp.zeros(memory.attempts.shape, bool) if own is None else own(self.settings, memory)
+
     @precise
     def act(
         self, parameters: Parameters, tables: Tables, seen: Readings, time: Array, memory: Any, *, interval: float

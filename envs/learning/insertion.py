@@ -22,6 +22,8 @@ class PolicyHand:
 
     attempts = 0
     """It never backs off by rule."""
+    gives_up = False
+    """Nor gives up by rule."""
 
     def __init__(self, policy: MlpPolicy, settings: PolicySettings, scope: LinearSingle, sight: Sight) -> None:
         """Take the handle.

@@ -12,7 +12,7 @@ from haustra.envs.control.follower import FollowerSettings, LumenFollower
 from haustra.envs.runs.measure.containment import Containment, most_skipped
 from haustra.envs.runs.measure.injury import Burden, InjuryMeter, stations_of
 from haustra.envs.runs.measure.progress import ArcTracker
-from haustra.envs.runs.outcome import Outcome, ending, outcome_of, withdrawn
+from haustra.envs.runs.outcome import Outcome, ending, given_up, outcome_of, withdrawn
 from haustra.envs.sim.backend import SingleBackend
 from haustra.envs.sim.coils import COIL_DISTANCES
 from haustra.envs.sim.gas import GasRecord, gas_pressures
@@ -175,6 +175,11 @@ class Driver(Protocol):
         """Times that it backed off since the last progress."""
         ...
 
+    @property
+    def gives_up(self) -> bool:
+        """Whether it ends the run, having tried what it can."""
+        ...
+
 
 def drive(
     backend: SingleBackend,
@@ -234,6 +239,7 @@ def drive(
             lengths = {"length": line.length, "modelled": scene.cable.length}
             skipped = 0.0 if seen.way is None else most_skipped(np, seen.link_arcs, behind, inside)
             ended = int(ending(np, outside=outside, skipped=skipped, **where, **lengths))
+            ended = int(given_up(np, ended, driver.gives_up))
         if ended:
             break
     return Insertion(

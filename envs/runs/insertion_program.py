@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from haustra.envs.control.follower import Law, Sensed, Steering, wheel_lead
 from haustra.envs.runs.measure.containment import beside, furthest_ahead, skipped_colon, stands_out
-from haustra.envs.runs.outcome import ESCAPE_DEPTH, ending
+from haustra.envs.runs.outcome import ESCAPE_DEPTH, ending, given_up
 from haustra.envs.runs.tally import Measured, Tally, counted
 from haustra.envs.sim.linear.layout import seen_slot
 from haustra.envs.sim.linear.memory import Lanes
@@ -143,7 +143,8 @@ class InsertionProgram:
         still = going & (scopes.world("alive") > 0)
         for slot, (new, old) in enumerate(zip(kept, memory, strict=True)):
             numbers.store(self._memory + slot, xp.where(still, new, old))
-        self._score(scopes, numbers, room, still)
+        gives_up = self.law.gives_up(own, kept) if self.law.gives_up else None
+        self._score(scopes, numbers, room, still, gives_up)
 
     def _steering(self, scopes: ScopeProgram, own: Any) -> Steering:
         xp = scopes.program.xp
@@ -185,13 +186,14 @@ class InsertionProgram:
             ahead=ahead,
         )
 
-    def _score(self, scopes: ScopeProgram, numbers: Lanes, room: Lanes, still: Value) -> None:
+    def _score(self, scopes: ScopeProgram, numbers: Lanes, room: Lanes, still: Value, gives_up: Value | None) -> None:
         xp, arc, insertion = scopes.program.xp, tip_arc(scopes), inserted_length(scopes)
         tally = Tally(*(numbers.load(self._tally + slot) for slot in range(len(Tally._fields))))
         outside = self._outside(scopes, room, arc, insertion)
         modelled = scopes.scope("length")
         where = {"arc": arc, "length": scopes.length(), "insertion": insertion, "modelled": modelled}
         ended = ending(xp, outside=outside, skipped=self._skipped(scopes) if self.moves else 0.0, **where)
+        ended = ended if gives_up is None else given_up(xp, ended, gives_up)
         wall, _ = largest_force(scopes)
         hand = scopes.reading("push_force"), scopes.reading("torque")
         measured = Measured(arc, insertion, *hand, wall, *largest_load(scopes), *largest_pain(scopes))

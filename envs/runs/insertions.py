@@ -12,7 +12,7 @@ from haustra.envs.control.follower_worlds import WorldsFollower
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.containment import LumenWidths, most_skipped, outside, stack_widths
 from haustra.envs.runs.measure.load import largest_load, largest_pain
-from haustra.envs.runs.outcome import ending
+from haustra.envs.runs.outcome import ending, given_up
 from haustra.envs.runs.tally import Insertions, Measured, Tally, counted
 from haustra.envs.sim.device_arrays import tree_where
 from haustra.envs.sim.precision import precise
@@ -89,6 +89,7 @@ class InsertionBatch:
             drive = tree_where(running, decided, drive)
             after = self._backend.read(parameters, self._tables, worlds)
             ended = self._ended(parameters, tables, widths, worlds, after)
+            ended = given_up(jnp, ended, self._follower.gives_up(drive))
             hand, harm = (after.push_force, after.torque), self._harm(parameters, tables, widths, after)
             measured = Measured(after.tip_arc, after.insertion, *hand, after.link_forces.max(axis=1), *harm)
             return worlds, drive, tree_where(running, counted(jnp, tally, measured, ended), tally)

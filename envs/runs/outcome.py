@@ -45,8 +45,8 @@ _ADVICE = {
 }
 
 
-ENDINGS = (None, Outcome.ESCAPED, Outcome.COMPLETED, Outcome.FULLY_INSERTED, Outcome.WITHDRAWN)
-"""What the numbers of `ending` and `withdrawn` mean; None: the run goes on."""
+ENDINGS = (None, Outcome.ESCAPED, Outcome.COMPLETED, Outcome.FULLY_INSERTED, Outcome.WITHDRAWN, Outcome.STUCK)
+"""What the numbers of `ending`, `withdrawn` and `given_up` mean; None: the run goes on."""
 
 
 def ending(xp: Any, *, outside: Any, skipped: Any, arc: Any, length: Any, insertion: Any, modelled: Any) -> Any:
@@ -64,6 +64,17 @@ def ending(xp: Any, *, outside: Any, skipped: Any, arc: Any, length: Any, insert
     inserted = xp.where(insertion >= modelled - LEFT_OUTSIDE, 3, 0)
     reached = xp.where(arc >= length - CAECUM_MARGIN, 2, inserted)
     return xp.where((outside > ESCAPE_DEPTH) | (skipped > EMPTY_LOOP), 1, reached)
+
+
+def given_up(xp: Any, ended: Any, gives_up: Any) -> Any:
+    """Why runs end now whose drivers may have given up, as rows of `ENDINGS`: what ended otherwise ended so.
+
+    Args:
+        xp: numpy or jax.numpy.
+        ended: why they end but for that, as rows of `ENDINGS`.
+        gives_up: whether their drivers give up (`haustra.envs.control.follower.Law.gives_up`).
+    """
+    return xp.where(gives_up & (ended == 0), ENDINGS.index(Outcome.STUCK), ended)
 
 
 def withdrawn(start: float, *, arc: float, insertion: float) -> int:

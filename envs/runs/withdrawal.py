@@ -82,6 +82,11 @@ class PullBack:
         """Times that it backed off: never."""
         return 0
 
+    @property
+    def gives_up(self) -> bool:
+        """Whether it ends the run: never."""
+        return False
+
 
 def insert_and_withdraw(
     scene: Scene,

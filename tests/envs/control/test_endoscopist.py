@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from haustra.envs.control.endoscopist import ASSISTANT, EndoscopistSettings, rules
+from haustra.envs.control.endoscopist import ASSISTANT, EndoscopistSettings, gives_up, rules
 from haustra.envs.control.follower import Sensed, Steering
 from haustra.models.devices.scope.library import named_design
 
@@ -156,6 +156,15 @@ def test_it_gives_up_after_many_attempts_and_rests():
     handle.rates.clear()
     _run(handle, 60.0, tip=0.0, force=5.0)
     assert handle.mode == 2.0 and not any(handle.rates)
+    assert gives_up(handle.own, handle.memory)
+
+
+def test_it_does_not_give_up_before():
+    handle = _Handle(patience=8.0, most_attempts=2.0)
+    while handle.memory.attempts[0] < 2:
+        assert not gives_up(handle.own, handle.memory)
+        handle.step(tip=0.0, force=5.0)
+    assert handle.mode != 2.0 and not gives_up(handle.own, handle.memory)  # the last attempt is made, too
 
 
 def test_a_tip_that_is_caught_is_let_go_straight_again_and_again():

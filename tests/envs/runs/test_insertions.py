@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from haustra.envs.control.endoscopist import EndoscopistSettings
 from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.control.follower_worlds import WorldsFollower
+from haustra.envs.runs.insertion import run_insertion
 from haustra.envs.runs.insertions import run_insertions
 from haustra.envs.runs.linear_insertion import run_linear_insertion
 from haustra.envs.runs.linear_insertions import LinearInsertions
@@ -181,3 +183,24 @@ def test_wheels_steer_many_worlds_in_linear_time_only(bank: ScopeColonSet) -> No
 def test_unknown_parameters_are_refused(bank: ScopeColonSet) -> None:
     with pytest.raises(InvalidOptionError, match="stifness"):
         run_insertions(bank, worlds=1, seconds=1.0, stifness=1.0)
+
+
+def test_an_endoscopist_who_gives_up_ends_the_insertion(bank: ScopeColonSet) -> None:
+    """On every backend, and after the same attempts: the hand hardly pushes, so that no lumen passes."""
+    weak = replace(bank.scene.options, push_limit=0.05)
+    tube = build_bank([bank.colons[1]], named_design("paediatric"), weak)
+    settings = EndoscopistSettings(patience=2.0, most_attempts=2.0)
+    single = [run_insertion(tube.scene, seconds=60, settings=settings)]
+    single.append(run_linear_insertion(tube.scene, seconds=60, settings=settings))
+    assert [each.outcome for each in single] == [Outcome.STUCK] * 2
+    assert [each.attempts for each in single] == [2, 2]
+    ends = [float(each.trajectory.time[-1]) for each in single]
+    many = [LinearInsertions(tube.scene, tube.tables, tube.colons, worlds=2, settings=settings)]
+    one = np.ones(2)
+    many[0].begin(np.zeros(2, int), Conditions(weak.friction * one, weak.wall_stiffness * one, one))
+    runs = [many[0].run(seconds=60)]
+    if find_spec("warp"):
+        runs.append(run_insertions(tube, worlds=2, seconds=60, settings=settings))  # type: ignore[arg-type]
+    assert {each.outcome for each in runs} == {(Outcome.STUCK, Outcome.STUCK)}
+    ends += [float(end) for each in runs for end in each.simulated]
+    assert max(ends) < 30 and np.ptp(ends) < 2.0
