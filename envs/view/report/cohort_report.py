@@ -249,6 +249,7 @@ def _draw(axis, about: Published, found: Sequence[tuple[str, Observable]]) -> No
         colour = "#30343b" if one.inside is None else _INSIDE if one.inside else _OUTSIDE
         span = np.abs([[one.value - one.low], [one.high - one.value]])
         axis.errorbar([place], [one.value], yerr=span, fmt="o", color=colour, capsize=3)
-    axis.set_xticks(range(len(found)), [name.replace(", ", "\n").replace("-", "-\n") for name, _ in found], fontsize=7)
+    labels = [name.replace(", ", "\n").replace("-", "-\n") for name, _ in found]
+    axis.set_xticks(range(len(found)), labels, fontsize=min(7, 21 / len(found)))  # three stand beside each other at 7
     axis.set_xlim(-0.6, len(found) - 0.4)
     axis.set_title(f"{about.name.replace('_', ' ')} [{about.unit}]", fontsize=9)
