@@ -146,6 +146,11 @@ class Memory(NamedTuple):
     """Times that it backed off since the last progress."""
 
 
+def never(settings: Any, memory: Any) -> Any:
+    """Whether those who remember so much give up, where nobody does."""
+    return memory.attempts < 0
+
+
 class Law(NamedTuple):
     """A way to drive: one function of (xp, …) for any number of worlds, in numpy, JAX and programs."""
 
@@ -158,8 +163,8 @@ class Law(NamedTuple):
     """`rules(xp, settings, steering, sensed, memory, interval=…)`: a `Decision`, and what is remembered."""
     senses: bool = True
     """Whether it decides by what it senses; rules get None for `steering` and `sensed` where it does not."""
-    gives_up: Any = None
-    """`gives_up(settings, memory)`: whether those who remember so much end the run; None of who never does."""
+    gives_up: Any = never
+    """`gives_up(settings, memory)`: whether those who remember so much end the run."""
 
     @property
     def numbers(self) -> tuple[str, ...]:
@@ -382,8 +387,7 @@ class LumenFollower:
     @property
     def gives_up(self) -> bool:
         """Whether it ends the run, having tried what it can."""
-        gives_up = self.settings.law().gives_up
-        return gives_up is not None and bool(gives_up(self.settings, self.memory)[0])
+        return bool(self.settings.law().gives_up(self.settings, self.memory)[0])
 
     def _ahead(self, seen: Readings, arc: float) -> Float[np.ndarray, "3"]:
         """Place of the centreline that it steers towards, where it is now [m]."""

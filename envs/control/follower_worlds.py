@@ -41,8 +41,7 @@ class WorldsFollower:
 
     def gives_up(self, memory: Any) -> Any:
         """Which of those who remember so much end their runs."""
-        own = self.settings.law().gives_up
-        return jnp.zeros(memory.attempts.shape, bool) if own is None else own(self.settings, memory)
+        return self.settings.law().gives_up(self.settings, memory)
 
     @precise
     def act(

@@ -143,8 +143,7 @@ class InsertionProgram:
         still = going & (scopes.world("alive") > 0)
         for slot, (new, old) in enumerate(zip(kept, memory, strict=True)):
             numbers.store(self._memory + slot, xp.where(still, new, old))
-        gives_up = self.law.gives_up(own, kept) if self.law.gives_up else None
-        self._score(scopes, numbers, room, still, gives_up)
+        self._score(scopes, numbers, room, still, self.law.gives_up(own, kept))
 
     def _steering(self, scopes: ScopeProgram, own: Any) -> Steering:
         xp = scopes.program.xp
@@ -186,14 +185,14 @@ class InsertionProgram:
             ahead=ahead,
         )
 
-    def _score(self, scopes: ScopeProgram, numbers: Lanes, room: Lanes, still: Value, gives_up: Value | None) -> None:
+    def _score(self, scopes: ScopeProgram, numbers: Lanes, room: Lanes, still: Value, gives_up: Value) -> None:
         xp, arc, insertion = scopes.program.xp, tip_arc(scopes), inserted_length(scopes)
         tally = Tally(*(numbers.load(self._tally + slot) for slot in range(len(Tally._fields))))
         outside = self._outside(scopes, room, arc, insertion)
         modelled = scopes.scope("length")
         where = {"arc": arc, "length": scopes.length(), "insertion": insertion, "modelled": modelled}
         ended = ending(xp, outside=outside, skipped=self._skipped(scopes) if self.moves else 0.0, **where)
-        ended = ended if gives_up is None else given_up(xp, ended, gives_up)
+        ended = given_up(xp, ended, gives_up)
         wall, _ = largest_force(scopes)
         hand = scopes.reading("push_force"), scopes.reading("torque")
         measured = Measured(arc, insertion, *hand, wall, *largest_load(scopes), *largest_pain(scopes))

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from haustra.envs.control.follower import FollowerSettings, Memory
+from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.control.follower_worlds import WorldsFollower
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.containment import LumenWidths, most_skipped, outside, stack_widths
@@ -48,7 +48,7 @@ class InsertionBatch:
         self._steps = max(1, round(CONTROL_INTERVAL / backend.timestep))
         self.advance = jax.jit(self._advance, static_argnames="count")
 
-    def begin(self, parameters: Parameters) -> tuple[State, Memory, Tally]:
+    def begin(self, parameters: Parameters) -> tuple[State, Any, Tally]:
         """All scopes at the start, nothing scored."""
         worlds = len(parameters.friction)
         zero = jnp.zeros_like(parameters.friction)
@@ -73,12 +73,12 @@ class InsertionBatch:
                 break
         return self._finish(parameters, worlds, drive, tally)
 
-    def _advance(self, parameters: Parameters, worlds: State, drive: Memory, tally: Tally, *, count: int):
+    def _advance(self, parameters: Parameters, worlds: State, drive: Any, tally: Tally, *, count: int):
         tables = pick(self._tables, parameters.colon)
         widths = LumenWidths(*(part[parameters.colon] for part in self._widths))
         interval = self._steps * self._backend.timestep
 
-        def one(_: Any, now: tuple[State, Memory, Tally]) -> tuple[State, Memory, Tally]:
+        def one(_: Any, now: tuple[State, Any, Tally]) -> tuple[State, Any, Tally]:
             worlds, drive, tally = now
             seen = self._backend.read(parameters, self._tables, worlds)
             hands, decided = self._follower.act(parameters, tables, seen, worlds.time, drive, interval=interval)
@@ -136,7 +136,7 @@ class InsertionBatch:
             modelled=scope.length,
         ).astype(jnp.int32)
 
-    def _finish(self, parameters: Parameters, worlds: State, drive: Memory, tally: Tally) -> Insertions:
+    def _finish(self, parameters: Parameters, worlds: State, drive: Any, tally: Tally) -> Insertions:
         return Insertions.of(
             tally,
             healthy=np.asarray(worlds.healthy),
@@ -151,7 +151,7 @@ def run_insertions(
     *,
     worlds: int,
     seconds: float,
-    settings: FollowerSettings | None = None,
+    settings: Any = None,
     progress: Callable[[float], None] = lambda time: None,
     **changed: Any,
 ) -> Insertions:
@@ -161,7 +161,7 @@ def run_insertions(
         bank: a scope and colons.
         worlds: how many.
         seconds: [s].
-        settings: of the follower.
+        settings: of the driver (`haustra.envs.control.follower.Law`), by default the lumen follower's.
         progress: told the simulated time [s].
         changed: what differs from the bank's scene: entries of `Parameters`, one number or one a world.
 

@@ -39,10 +39,10 @@ as on the bench, and for nothing on this page but to arrive without tearing or h
 the day's way, strong pushes, caeca (0.93), straightenings, the share of time with a loop and P(perforation) are as in
 patients; of the three peaks the pull is. **Four hundred others (seed 9, the same command) show 8**, not the same: loops
 and time are inside, half a metre of men (0.255, where 0.27 is the end) and P(perforation) (0.0021, where 0.0020 is) are
-not. Both together show 9, half a metre with 0.29 of men and 0.22 of women. A thousand (`--patients 1000 --seed 6`, by
-an endoscopist who did not end what he gave up) show 8, and so do all 1,800: half a metre brings 0.268 of men to the
-flexure. So 9 are at the bar, not above it: half a metre of men, any loop and P(perforation) lie near ends of their
-bands.
+not. Both together (`observables` of both stores' rows, as in [Virtual patients](../how-to/cohort.md)) show 9, half a
+metre with 0.29 of men and 0.22 of women. A thousand (`--patients 1000 --seed 6`, by an endoscopist who did not end what
+he gave up) show 8, and so do all 1,800: half a metre brings 0.268 of men to the flexure. So 9 are at the bar, not above
+it: half a metre of men, any loop and P(perforation) lie near ends of their bands.
 
 On two Xeon cores four hundred took 12 and 14 min in all, and 24 take a minute. Those thousand took 169 s of stepping on
 64 Xeon cores beside GPUs, where three minutes suffice; on one H200 four hundred took 299 s with the endoscopist of

@@ -195,12 +195,12 @@ def test_an_endoscopist_who_gives_up_ends_the_insertion(bank: ScopeColonSet) -> 
     assert [each.outcome for each in single] == [Outcome.STUCK] * 2
     assert [each.attempts for each in single] == [2, 2]
     ends = [float(each.trajectory.time[-1]) for each in single]
-    many = [LinearInsertions(tube.scene, tube.tables, tube.colons, worlds=2, settings=settings)]
+    many = LinearInsertions(tube.scene, tube.tables, tube.colons, worlds=2, settings=settings)
     one = np.ones(2)
-    many[0].begin(np.zeros(2, int), Conditions(weak.friction * one, weak.wall_stiffness * one, one))
-    runs = [many[0].run(seconds=60)]
+    many.begin(np.zeros(2, int), Conditions(weak.friction * one, weak.wall_stiffness * one, one))
+    runs = [many.run(seconds=60)]
     if find_spec("warp"):
-        runs.append(run_insertions(tube, worlds=2, seconds=60, settings=settings))  # type: ignore[arg-type]
+        runs.append(run_insertions(tube, worlds=2, seconds=60, settings=settings))
     assert {each.outcome for each in runs} == {(Outcome.STUCK, Outcome.STUCK)}
     ends += [float(end) for each in runs for end in each.simulated]
     assert max(ends) < 30 and np.ptp(ends) < 2.0
