@@ -1,12 +1,14 @@
 """Rates of the programs of linear time alone on a GPU, from files that a machine without one has made.
 
-`python -m haustra.scripts.bench.kernels pack FILE.npz [moving] [designs] [groups=1,8,32] [stages]` drives 128 scopes in
-on the CPU and packs their worlds with kernels for a GPU: for blocks of so many worlds each, and with each stage of a
-step done twice, so that what the step takes longer is that stage's time. `python -m haustra.scripts.bench.kernels
+`python -m haustra.scripts.bench.kernels pack FILE.npz [moving] [designs] [groups=1,8,32] [teams=8,16] [stages]` drives
+128 scopes in on the CPU and packs their worlds with kernels for a GPU: for blocks of so many worlds each, for teams of
+so many threads, each with one world, and with each stage of a step done twice, so that what the step takes longer is
+that stage's time. `python -m haustra.scripts.bench.kernels
 rates FILE.npz ...` repeats these worlds until a GPU is full and times launches of 40 steps, `load` only lets the driver
 finish the kernels, which it keeps. Files of two versions, run in turn, tell before from after. `worlds=32768` asks for
 so many worlds only, `rooms=16384` lets so many run at a time at most, `steps=4` makes launches as short, and
-`registers=128,168` lets a thread have so many registers at most, where 0 leaves it as it was written.
+`registers=128,168` lets a thread have so many registers at most, where 0 leaves it as it was written. `apart` is by how
+much joints' positions differ from those of the first kernel of the file after as many steps [rad, m].
 """
 
 import json
@@ -25,6 +27,8 @@ import numpy as np
 from haustra.envs.sim.linear import compile as compiling
 from haustra.envs.sim.linear.axis import Axis
 from haustra.envs.sim.linear.cuda import DeviceArray, Kernel
+from haustra.envs.sim.linear.layout import NODE, Layout
+from haustra.envs.sim.linear.pack import pack_design
 from haustra.envs.sim.linear.program import ScopeProgram
 from haustra.scripts.bench.linear import bank_of, driven
 
@@ -63,7 +67,9 @@ def twice(stage: str) -> Iterator[None]:
         setattr(owner, name, once)
 
 
-def pack(path: Path, *, moving: bool, designs: bool, groups: tuple[int, ...], stages: bool) -> None:
+def pack(
+    path: Path, *, moving: bool, designs: bool, groups: tuple[int, ...], teams: tuple[int, ...], stages: bool
+) -> None:
     """Drive scopes in for 8 s, and keep their worlds and the kernels."""
     bank = bank_of(80, mesentery=moving)
     backend, hands = driven(bank, _PACKED, seconds=8.0, real=np.float32, designs=designs)
@@ -85,8 +91,25 @@ def pack(path: Path, *, moving: bool, designs: bool, groups: tuple[int, ...], st
             values = np.swapaxes(values, 1, 2).reshape(-1, values.shape[1])
         kept[name] = values[:, :1] if name in _BY_ROW else values
     layout = replace(backend._layout, by_turns=True)
+    for team in teams:
+        kept[f"kernel team-{team}"] = _bytes_of(write(group=1, abreast=team, **about))
+        own = replace(layout, abreast=team, by_turns=False)
+        kept[f"slots team-{team}"] = own.padded(own.room)
+        kept[f"state team-{team}"] = _side_by_side(kept["state"], layout, own)
+        packed = pack_design(backend._scope, backend._chain, own).astype(np.float32)
+        kept[f"design team-{team}"] = packed if designs else packed[0]
     counts = [layout.dofs, layout.bodies, layout.spheres, layout.nodes, backend._places]
     np.savez_compressed(path, **kept, counts=np.array(counts), slots=layout.room, by_world=by_world)
+
+
+def _side_by_side(states: np.ndarray, plain: Layout, own: Layout) -> np.ndarray:
+    """States of worlds as a team has them."""
+    found = np.zeros((len(states), own.state), np.float32)
+    found[:, : own.axis] = states[:, : own.axis]
+    nodes = states[:, plain.axis :].reshape(len(states), plain.nodes, NODE)
+    rows = found[:, own.axis :].reshape(len(states), NODE, own.row)
+    rows[..., own.abreast :][..., : own.nodes] = np.swapaxes(nodes, 1, 2)
+    return found
 
 
 def _bytes_of(text: str) -> np.ndarray:
@@ -105,15 +128,20 @@ def rates(path: Path, counts: tuple[int, ...], rooms: int, steps: int, registers
     """
     with np.load(path) as kept:
         packed = dict(kept)
+    first: dict[int, np.ndarray] = {}
     for name in [each for each in packed if each.startswith("kernel ")]:
-        kernel, (_, group, *stage) = _kernel(packed[name], registers), name.split()
+        kernel, (_, kind, *stage) = _kernel(packed[name], registers), name.split()
+        team = int(kind.removeprefix("team-")) if kind.startswith("team-") else 1
+        group = 1 if team > 1 else int(kind)
+        own = packed | {each: packed[f"{each} {kind}"] for each in ("slots", "state", "design") if team > 1}
         for worlds in counts:
             # Few worlds are not stepped by full warps, nor many by single threads; stages are those of a full GPU.
-            if worlds // int(group) > 8_192 or (stage and worlds != 32_768):
+            if worlds // group > 8_192 or (stage and worlds != 32_768):
                 continue
-            rate = _rate(packed, kernel, (worlds, rooms, steps), int(group))
-            about = {"file": path.name, "group": int(group), "twice": stage, "steps": steps, "registers": registers}
-            yield about | rate
+            rate, joints = _rate(own, kernel, (worlds, rooms, steps), (group, team))
+            apart = float(np.abs(joints - first.setdefault(worlds, joints)).max())
+            about = {"file": path.name, "group": group, "team": team, "twice": stage, "steps": steps}
+            yield about | {"registers": registers, "apart": apart} | rate
 
 
 def _kernel(text: np.ndarray, registers: int) -> Kernel:
@@ -124,27 +152,32 @@ def _kernel(text: np.ndarray, registers: int) -> Kernel:
     return Kernel(written, "advance")
 
 
-def _rate(packed: dict[str, np.ndarray], kernel: Kernel, counts: tuple[int, int, int], group: int) -> dict[str, Any]:
-    worlds, rooms, steps = counts
-    groups = min(worlds // group, kernel.resident(group), rooms // group)
+def _rate(
+    packed: dict[str, np.ndarray], kernel: Kernel, counts: tuple[int, int, int], threads: tuple[int, int]
+) -> tuple[dict[str, Any], np.ndarray]:
+    (worlds, rooms, steps), (group, team) = counts, threads
+    size = max(group, team)
+    groups = min(worlds // group, kernel.resident(size), rooms // group)
     room = DeviceArray(np.zeros((groups, int(packed["slots"]), group), np.float32))
     held = {name: _spread(packed, name, worlds, group) for name in _ORDER if name in packed}
     arrays = {name: (held | {"room": room})[name] for name in _ORDER}
     given, least = list(arrays.values()), np.inf
     for launch in range(1 + _LAUNCHES):
         began = time.perf_counter()
-        kernel(given, [*map(int, packed["counts"]), steps, worlds, 0, worlds], groups=groups, group=group)
+        kernel(given, [*map(int, packed["counts"]), steps, worlds, 0, worlds], groups=groups, group=size)
         kernel.wait()
         least = min(least, time.perf_counter() - began) if launch else least
-    sound = bool(np.isfinite(arrays["state"].get(_PACKED // group)).all())
+    state = arrays["state"].get(_PACKED // group)
+    joints = np.swapaxes(state[:, : int(packed["counts"][0])], 1, 2).reshape(_PACKED, -1)
     size = 4e-3 * (packed["state"].shape[1] + int(packed["slots"]) * groups * group / worlds)
-    return {
+    found = {
         "worlds": worlds,
         "million_steps_per_s": worlds * steps / least / 1e6,
         "kB": size,
         "at_once": groups * group,
-        "sound": sound,
+        "sound": bool(np.isfinite(state).all()),
     }
+    return found, joints
 
 
 def _spread(packed: dict[str, np.ndarray], name: str, worlds: int, group: int) -> DeviceArray:
@@ -163,7 +196,7 @@ def _main(verb: str, *given: str) -> None:
 
     if verb == "pack":
         about = {name: name in given for name in ("moving", "designs", "stages")}
-        pack(Path(given[0]), groups=named("groups", _FULL), **about)
+        pack(Path(given[0]), groups=named("groups", _FULL), teams=named("teams"), **about)
         return
     counts, (rooms,), (steps,) = named("worlds", *WORLDS), named("rooms", max(WORLDS)), named("steps", _STEPS)
     for path, most in product((each for each in given if "=" not in each), named("registers", 0)):

@@ -34,8 +34,8 @@ class AloneProgram(ScopeProgram):
 
         Where each `follows` the one before it on the shaft, nothing bounds the first.
         """
-        program, abreast = self.program, self.layout.abreast * registers
-        with program.side_by_side(abreast):
+        program = self.program
+        with program.side_by_side(self.layout.abreast, registers) as abreast:
             if follows:
                 self._begin_following()
             with program.loop(0, (count + (abreast - 1)) // abreast) as group:

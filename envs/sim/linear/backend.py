@@ -16,7 +16,7 @@ from haustra.envs.sim.linear.compile import Driver, lanes_of
 from haustra.envs.sim.linear.dual import with_slopes
 from haustra.envs.sim.linear.layout import NODE, SEEN, WORLD, seen_slot
 from haustra.envs.sim.linear.pack import pack_axis, pack_design, pack_tables, structure_of
-from haustra.envs.sim.linear.place import CpuPlace, GpuPlace, Place
+from haustra.envs.sim.linear.place import CpuPlace, GpuPlace, Place, team_of
 from haustra.envs.sim.linear.world_axes import WorldAxes
 from haustra.envs.sim.link_places import link_arcs, middle_spheres
 from haustra.envs.sim.native_batch import posed
@@ -135,9 +135,10 @@ class LinearBackend(AbstractBackend):
         self._middle = middle_spheres(self._chain.sample_body, structure.layout.bodies)
         moving = tables.mesentery
         nodes = 0 if moving is None else moving.nodes.shape[1]
-        abreast = lanes_of(real) if worlds == 1 and device == "cpu" and not directions else 1
+        alone = worlds == 1 and not directions
+        abreast = team_of(worlds, real) if device == "cuda" else lanes_of(real) if alone else 1
         around = {name: moving is not None and getattr(moving, name) for name in ("surrounded", "rooted", "touching")}
-        by_turns = not directions and (device == "cuda" or (worlds == 1 and abreast == 1))
+        by_turns = abreast == 1 and (device == "cuda" or alone)
         self._layout = replace(
             structure.layout, nodes=nodes, abreast=abreast, moving=moving is not None, by_turns=by_turns, **around
         )
@@ -319,7 +320,8 @@ class LinearBackend(AbstractBackend):
         if wheels:
             require_stretch(self._scope.wire_compliance)
         if wheels not in self._made:
-            room = replace(self._layout, wheels=wheels).room + self._driver_room
+            layout = replace(self._layout, wheels=wheels)
+            room = layout.padded(layout.room + self._driver_room)
             own: dict[str, Any] = self._program | {"wheels": wheels, "room": room * (1 + self.directions)}
             self._made[wheels] = GpuPlace(**own) if self.on_device else CpuPlace(**own)
         self._place = self._made[wheels]

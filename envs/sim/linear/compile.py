@@ -17,7 +17,8 @@ from haustra.envs.sim.linear.alone import AloneProgram
 from haustra.envs.sim.linear.dual import DualLanes, DualProgram
 from haustra.envs.sim.linear.layout import WORLD, Layout, seen_slot
 from haustra.envs.sim.linear.memory import Lanes, Rows, Shared
-from haustra.envs.sim.linear.program import ARGUMENTS, COUNTS, ScopeProgram
+from haustra.envs.sim.linear.program import ARGUMENTS, COUNTS, WRITTEN, ScopeProgram
+from haustra.envs.sim.linear.team import TeamProgram
 from haustra.envs.sim.linear.trace import INDEX, Program, Value
 from haustra.models.wall import cache
 
@@ -152,28 +153,33 @@ def write_kernel(
     touching: bool = False,
     wheels: bool = False,
     driver: Driver | None = None,
+    abreast: int = 1,
     **wall: Any,
 ) -> str:
     """A control step of worlds on a graphics processor; `last` of `COUNTS` is how many worlds there are.
 
-    `group` worlds are a block: their numbers lie side by side, and their threads are placed together.
+    `group` worlds are a block: their numbers lie side by side, and their threads are placed together. Or a block is one
+    world, whose things stand in `abreast` threads (`team.TeamProgram`).
     """
-    program, arrays, counts, (steps, row, _, worlds) = _begun(1, real, approximate=True)
-    around = {"moving": moving, "surrounded": surrounded, "rooted": rooted, "touching": touching, "by_turns": True}
-    program.fetches = True
+    teams = abreast > 1
+    program, arrays, counts, (steps, row, _, worlds) = _begun(1, real, approximate=True, team=abreast)
+    around = {"moving": moving, "surrounded": surrounded, "rooted": rooted, "touching": touching}
+    around["by_turns"] = program.fetches = not teams
     if moving and group == WARP:
         program.limit_registers(_REGISTERS)
-    block, blocks, lane = _launched_as(program, "ctaid", "nctaid", "tid")
+    block, blocks, *lanes = _launched_as(program, "ctaid", "nctaid", *([] if teams else ["tid"]))
+    lane = lanes[0] if lanes else program.index(0)
     # Blocks that are launched take worlds in turn, so that there are rooms for those only that run at the same time.
     rounds = (worlds + group * blocks - 1 - group * block) // (group * blocks)
     with program.loop(0, rounds) as turn:
         first = block + turn * blocks
         with program.when(first * group + lane < worlds):
-            layout = Layout(*counts[:-1], wheels=wheels, **around)
+            layout = Layout(*counts[:-1], wheels=wheels, abreast=abreast, **around)
             place: dict[str, Any] = {"block": first, "stride": group, "lane": lane, "row": row}
             own = _Worlds(program, arrays, (layout, counts[-1]), driver, **place)
             given = own.arrays(angles, one_design, moving, room_of_block=block)
-            scopes = ScopeProgram(program, given, layout, counts[-1], timestep=timestep, **wall)
+            kind = AloneProgram if teams else ScopeProgram
+            scopes = kind(program, given, layout, counts[-1], timestep=timestep, **wall)
             _step(program, scopes, given, steps, driver)
     return program.finish()
 
@@ -193,13 +199,17 @@ def _launched_as(program: Program, *registers: str) -> list[Value]:
 
 
 def _begun(
-    lanes: int, real: Any, *, approximate: bool = False, directions: int = 0
+    lanes: int, real: Any, *, approximate: bool = False, directions: int = 0, team: int = 1
 ) -> tuple[Program, dict[str, Any], Any, list[Value]]:
     """A program without anything in it, its arrays, what it counts, and its last arguments."""
     kinds = [ir.PointerType()] * len(ARGUMENTS) + [INDEX] * len(COUNTS)
-    about: dict[str, Any] = {"lanes": lanes, "real": np.dtype(real), "approximate": approximate}
-    kind = functools.partial(DualProgram, directions=directions) if directions else Program
-    program = kind("advance", kinds, **about)
+    about: dict[str, Any] = {"real": np.dtype(real), "approximate": approximate}
+    if team > 1:
+        written = [ARGUMENTS.index(each) for each in WRITTEN]
+        program: Program = TeamProgram("advance", kinds, team=team, written=written, **about)
+    else:
+        kind = functools.partial(DualProgram, directions=directions) if directions else Program
+        program = kind("advance", kinds, lanes=lanes, **about)
     arguments = program.function.args
     *counts, steps, row, first, last = (Value(program, each) for each in arguments[len(ARGUMENTS) :])
     return program, dict(zip(ARGUMENTS, arguments, strict=False)), tuple(counts), [steps, row, first, last]
@@ -241,7 +251,7 @@ class _Worlds:
             "state": layout.state,
             "worlds": program.index(len(WORLD)),
             "seen": coils * 3 + seen_slot("coils") + layout.bodies,
-            "room": layout.room + (driver.room if driver else 0),
+            "room": layout.padded(layout.room + (driver.room if driver else 0)),
             "driver": program.index(driver.slots if driver else 1),
             "design": layout.design[-1],
         }

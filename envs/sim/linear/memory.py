@@ -42,11 +42,14 @@ class Lanes:
 
     def load_next(self, slot: Number) -> Value:
         """As many numbers from there on as stand side by side; where nothing does, the number there."""
-        abreast = self._program.abreast
-        return self.load(slot) if abreast == 1 else self._loaded(slot, abreast)
+        program = self._program
+        if program.abreast > 1 and program.in_lanes:
+            return self._loaded(slot, program.abreast)
+        return self.load(program.numbered(program.index(slot)))
 
     def _loaded(self, slot: Number, lanes: int) -> Value:
         program = self._program
+        program.reads()
         kind = program.real if lanes == 1 else vector(program.real, lanes)
         return Value(program, program.builder.load(self.place(slot), typ=kind, align=size_of(program)))
 
@@ -59,12 +62,14 @@ class Lanes:
 
     def store_next(self, slot: Number, value: Number) -> None:
         """Put as many numbers there and behind as stand side by side; where nothing does, one."""
-        if self._program.abreast == 1:
-            self.store(slot, value)
+        program = self._program
+        if program.abreast > 1 and program.in_lanes:
+            self._stored(slot, program.spread(value))
         else:
-            self._stored(slot, self._program.spread(value))
+            self.store(program.numbered(program.index(slot)), value)
 
     def _stored(self, slot: Number, written: Any) -> None:
+        self._program.writes()
         self._program.builder.store(written, self.place(slot), align=size_of(self._program))
 
     def rows(self, slot: Number, fours: int) -> "Rows":
@@ -192,8 +197,8 @@ class Shared:
     def load_next(self, slot: Number) -> Value:
         """As many numbers from there on as stand side by side; where nothing does, the number there."""
         program = self._program
-        if program.abreast == 1:
-            return self.load(slot)
+        if program.abreast == 1 or not program.in_lanes:
+            return self.load(program.numbered(program.index(slot)))
         place = program.builder.gep(self._base, [program.index(slot).written], source_etype=self._kind)
         kind = vector(self._kind, program.abreast)
         return Value(program, program.builder.load(place, typ=kind, align=size_of(program)))
@@ -314,15 +319,25 @@ class Rows:
         program, builder = self._program, self._program.builder
         a, b, c, d = (program.spread(value) for value in values)
         lanes = program.abreast
+        if not program.in_lanes:
+            four: Any = undefined(vector(program.real, 4))
+            for at, number in enumerate((a, b, c, d)):
+                four = builder.insert_element(four, number, nth(at))
+            self._store_four(program.numbered(row), column, four)
+            return
         for apart in range(4):
             turn, half = (_TURN_LOW, _TURN_HIGH)[apart // 2], (_FIRST_HALF, _SECOND_HALF)[apart % 2]
             first, last = (self._picked(*pair, turn, lanes) for pair in ((a, b), (c, d)))
             rows = self._picked(first, last, half, lanes)
             for start in range(0, lanes, 4):
                 four = order(*range(start, start + 4))
-                slot = (row + (start + apart)) * (4 * self._fours) + column
-                place = builder.gep(self._base, [slot.written], source_etype=program.real)
-                builder.store(builder.shuffle_vector(rows, rows, four), place, align=4 * size_of(program))
+                self._store_four(row + (start + apart), column, builder.shuffle_vector(rows, rows, four))
+
+    def _store_four(self, row: Value, column: int, four: Any) -> None:
+        program, builder = self._program, self._program.builder
+        slot = row * (4 * self._fours) + column
+        place = builder.gep(self._base, [slot.written], source_etype=program.real)
+        builder.store(four, place, align=4 * size_of(program))
 
     def _joined(self, parts: list[Any]) -> Any:
         builder = self._program.builder

@@ -11,10 +11,7 @@ import numpy as np
 
 from haustra.envs.sim.linear.compile import WARP, assembled, compiled, lanes_of, write_kernel, write_program
 from haustra.envs.sim.linear.cuda import DeviceArray, DeviceColumns, Kernel
-from haustra.envs.sim.linear.program import ARGUMENTS
-
-_WRITTEN = ("state", "worlds", "seen", "room", "driver", "told")
-"""What a program writes to, of `ARGUMENTS`."""
+from haustra.envs.sim.linear.program import ARGUMENTS, WRITTEN
 
 
 class Held(Protocol):
@@ -191,6 +188,15 @@ def group_of(worlds: int) -> int:
     return min(WARP, 1 << most.bit_length() - 1)
 
 
+TEAM, _TEAMS = 16, 2_048
+"""Threads of a team, and at most so many worlds have teams: with more of them, a thread a world is faster."""
+
+
+def team_of(worlds: int, real: Any) -> int:
+    """Threads that step one world on a graphics processor together (docs/decisions/linear-gpu.md); else 1."""
+    return TEAM if worlds <= _TEAMS and np.dtype(real) == np.float32 else 1
+
+
 def forget() -> None:
     """Forget all programs that this process has written or read, as a new one begins."""
     for kept in (write_program, write_kernel, compiled, _made):
@@ -198,7 +204,7 @@ def forget() -> None:
 
 
 class GpuPlace:
-    """The first NVIDIA GPU; a thread steps a world."""
+    """The first NVIDIA GPU; a thread steps a world, or a team of threads does."""
 
     def __init__(self, *, worlds: int, real: Any, room: int, **program: Any) -> None:
         """Compile a program.
@@ -212,9 +218,11 @@ class GpuPlace:
         Raises:
             MissingDependencyError: when there is no such GPU.
         """
-        self._real, self.lanes = np.dtype(real), group_of(worlds)
+        team = program.get("abreast", 1)
+        self._real, self.lanes = np.dtype(real), group_of(worlds) if team == 1 else 1
+        self._threads = self.lanes * team
         self._kernel = _kernel(real=real, group=self.lanes, **program)
-        self._groups = min(-(-worlds // self.lanes), self._kernel.resident(self.lanes))
+        self._groups = min(-(-worlds // self.lanes), self._kernel.resident(self._threads))
         self._room = DeviceArray(np.zeros((self._groups, room, self.lanes), self._real))
 
     def hold(self, values: np.ndarray) -> _There:
@@ -223,8 +231,8 @@ class GpuPlace:
 
     def run(self, arrays: dict[str, _There], counts: Sequence[int], worlds: int) -> None:
         """Run the program on all worlds."""
-        own = {name: array.run(written=name in _WRITTEN) for name, array in arrays.items()} | {"room": self._room}
-        self._kernel([own[name] for name in ARGUMENTS], [*counts, 0, worlds], groups=self._groups, group=self.lanes)
+        own = {name: array.run(written=name in WRITTEN) for name, array in arrays.items()} | {"room": self._room}
+        self._kernel([own[name] for name in ARGUMENTS], [*counts, 0, worlds], groups=self._groups, group=self._threads)
         self._kernel.wait()
 
     def beside(self, **program: Any) -> "GpuPlace":

@@ -62,6 +62,7 @@ class PressRows:
         abreast, scratch = program.abreast, room.rows(layout.press_scratch, PRESS // 4)
         for four in range(0, PRESS, 4):
             scratch.put(program.index(0), four, values[four : four + 4])
+        program.settle()
         for lane, (at, share) in enumerate(zip(*map(program.apart, cell), strict=True)):
             for number in range(0, PRESS, abreast):
                 value = room.load_next(layout.press_scratch + (PRESS * lane + number))

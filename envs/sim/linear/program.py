@@ -65,6 +65,8 @@ from haustra.models.wall.vectors import Vector, add, cross, dot, minus, norm, ti
 ARGUMENTS = ("state", "worlds", "seen", "room", "design", "structure", "stations", "wall", "axis", "driver",
              "asked", "told", "lookup", "widths")  # fmt: skip
 """Arrays of a program, in this order; then whole numbers: `COUNTS`."""
+WRITTEN = ("state", "worlds", "seen", "room", "driver", "told")
+"""What a program writes to."""
 COUNTS = ("dofs", "bodies", "spheres", "nodes", "coils", "steps", "row", "first", "last")
 """`row`: numbers in a row of what drivers are asked and tell; the last two are blocks of worlds."""
 

@@ -153,6 +153,9 @@ class Value:
 class Program:
     """One function under construction, for worlds in lanes."""
 
+    in_lanes = True
+    """Whether what stands side by side stands in the lanes of an instruction; else in threads (`team.TeamProgram`)."""
+
     def __init__(
         self, name: str, arguments: Sequence[Any], *, lanes: int, real: np.dtype, approximate: bool = False
     ) -> None:
@@ -221,15 +224,27 @@ class Program:
         return (value if isinstance(value, Value) else self.constant(value)).written
 
     @contextmanager
-    def side_by_side(self, count: int) -> Iterator[None]:
-        """Let lanes hold so many things of one world, instead of a number of several worlds; 1 changes nothing."""
+    def side_by_side(self, count: int, registers: int = 1) -> Iterator[int]:
+        """Let so many registers hold `count` things of one world each, instead of a number of several worlds.
+
+        1 changes nothing. Tells how many things they hold together.
+        """
         if count == 1:
-            yield
+            yield 1
             return
         assert self.lanes == 1, "worlds stand in the lanes already"
-        self.lanes = self.abreast = count
-        yield
+        self.lanes = self.abreast = count * registers
+        yield self.abreast
         self.lanes = self.abreast = 1
+
+    def settle(self) -> None:
+        """Wait until all of a team have read and written what they had to, where there is one."""
+
+    def reads(self) -> None:
+        """Take note that a number of the world is read."""
+
+    def writes(self) -> None:
+        """Make sure that a number of the world may be written to."""
 
     def numbered(self, first: Value) -> Value:
         """Whole numbers from one on, of what stands side by side; where nothing does, the first."""
