@@ -3,6 +3,7 @@
 import ctypes
 import re
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ import pytest
 from haustra.envs.sim.linear.compile import assembled, engine_of, write_kernel
 from haustra.envs.sim.linear.place import CpuPlace, team_of
 from haustra.envs.sim.linear.program import ARGUMENTS, COUNTS
+from haustra.envs.sim.scope_colon_set import build_bank
+from haustra.models.wall.abdomen import Abdomen
 from haustra.scripts.bench.linear import bank_of, driven
 
 TEAM = 4
@@ -114,10 +117,15 @@ class TeamPlace(CpuPlace):
                 done.result()
 
 
-@pytest.mark.parametrize("moves", [False, True])
-def test_a_team_steps_a_world_as_one_thread_does(moves: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+AROUND = Abdomen(envelope=True, breathing=True, rooted=True, loops_touch=True)
+
+
+@pytest.mark.parametrize(("moves", "around"), [(False, Abdomen()), (True, Abdomen()), (True, AROUND)])
+def test_a_team_steps_a_world_as_one_thread_does(moves, around, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("haustra.envs.sim.linear.backend.lanes_of", lambda real: TEAM)
-    bank = bank_of(40, colons=1, mesentery=moves)
+    plain = bank_of(40, colons=1, mesentery=moves)
+    options = replace(plain.scene.options, abdomen=around)
+    bank = build_bank(plain.colons, plain.scene.design, options)
     plain, hands = driven(bank, 1, seconds=8.0)
     assert (plain.state().normal > 0).sum() > 2
     begun = plain.keep()
