@@ -27,7 +27,7 @@ import numpy as np
 from haustra.envs.sim.linear import compile as compiling
 from haustra.envs.sim.linear.axis import Axis
 from haustra.envs.sim.linear.cuda import DeviceArray, Kernel
-from haustra.envs.sim.linear.layout import NODE, Layout
+from haustra.envs.sim.linear.layout import Layout
 from haustra.envs.sim.linear.pack import pack_design
 from haustra.envs.sim.linear.program import ScopeProgram
 from haustra.scripts.bench.linear import bank_of, driven
@@ -106,9 +106,7 @@ def _side_by_side(states: np.ndarray, plain: Layout, own: Layout) -> np.ndarray:
     """States of worlds as a team has them."""
     found = np.zeros((len(states), own.state), np.float32)
     found[:, : own.axis] = states[:, : own.axis]
-    nodes = states[:, plain.axis :].reshape(len(states), plain.nodes, NODE)
-    rows = found[:, own.axis :].reshape(len(states), NODE, own.row)
-    rows[..., own.abreast :][..., : own.nodes] = np.swapaxes(nodes, 1, 2)
+    own.axes(found)[:] = plain.axes(states)
     return found
 
 

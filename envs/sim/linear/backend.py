@@ -523,11 +523,7 @@ class LinearBackend(AbstractBackend):
 
     def axes(self, state: Float[np.ndarray, "*rows slots"]) -> Float[np.ndarray, "*rows nodes 11"]:
         """Poses and speeds of the colons' axes, in rows of states."""
-        layout, numbers = self._layout, state[..., self._layout.axis :]
-        if layout.abreast == 1:
-            return numbers.reshape(*state.shape[:-1], layout.nodes, NODE)
-        own = numbers.reshape(*state.shape[:-1], NODE, layout.row)[..., layout.abreast :][..., : layout.nodes]
-        return np.swapaxes(own, -1, -2)
+        return self._layout.axes(state)
 
     def normals(self, state: Float[np.ndarray, "rows slots"]) -> Float[np.ndarray, "rows spheres"]:
         """Normal force of each sphere at the end of the last step [N], in rows of states."""

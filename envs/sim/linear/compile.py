@@ -167,8 +167,8 @@ def write_kernel(
     around["by_turns"] = program.fetches = not teams
     if moving and group == WARP:
         program.limit_registers(_REGISTERS)
-    block, blocks, *lanes = _launched_as(program, "ctaid", "nctaid", *([] if teams else ["tid"]))
-    lane = lanes[0] if lanes else program.index(0)
+    block, blocks = _launched_as(program, "ctaid", "nctaid")
+    lane = program.index(0) if teams else _launched_as(program, "tid")[0]
     # Blocks that are launched take worlds in turn, so that there are rooms for those only that run at the same time.
     rounds = (worlds + group * blocks - 1 - group * block) // (group * blocks)
     with program.loop(0, rounds) as turn:

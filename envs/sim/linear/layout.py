@@ -4,6 +4,9 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float
+
 DOF = ("x", "y", "z", "stiffness", "damping", "armature", "rest", "low", "high", "up", "left", "down", "right",
        "behind", "lock_stiffness", "lock_damping", "cubic")  # fmt: skip
 """Numbers of each joint in a design: axis, spring, stops, arms of the wires, its lock outside, spring's cube."""
@@ -131,6 +134,14 @@ class Layout:
     def state(self) -> Any:
         """Slots of the state."""
         return self.axis + self.row * NODE
+
+    def axes(self, states: Float[np.ndarray, "*rows slots"]) -> Float[np.ndarray, "*rows nodes 11"]:
+        """Where poses and speeds of the colons' axes lie in rows of states: a view."""
+        numbers = states[..., self.axis :]
+        if self.abreast == 1:
+            return numbers.reshape(*states.shape[:-1], self.nodes, NODE)
+        own = numbers.reshape(*states.shape[:-1], NODE, self.row)[..., self.abreast :][..., : self.nodes]
+        return np.swapaxes(own, -1, -2)
 
     def node_state(self, number: int) -> Any:
         """Where a number of the nodes' poses and speeds is counted from."""

@@ -43,7 +43,7 @@ class Lanes:
     def load_next(self, slot: Number) -> Value:
         """As many numbers from there on as stand side by side; where nothing does, the number there."""
         program = self._program
-        if program.abreast > 1 and program.in_lanes:
+        if program.in_lanes:
             return self._loaded(slot, program.abreast)
         return self.load(program.numbered(program.index(slot)))
 
@@ -63,7 +63,7 @@ class Lanes:
     def store_next(self, slot: Number, value: Number) -> None:
         """Put as many numbers there and behind as stand side by side; where nothing does, one."""
         program = self._program
-        if program.abreast > 1 and program.in_lanes:
+        if program.in_lanes:
             self._stored(slot, program.spread(value))
         else:
             self.store(program.numbered(program.index(slot)), value)
@@ -197,7 +197,7 @@ class Shared:
     def load_next(self, slot: Number) -> Value:
         """As many numbers from there on as stand side by side; where nothing does, the number there."""
         program = self._program
-        if program.abreast == 1 or not program.in_lanes:
+        if not program.in_lanes:
             return self.load(program.numbered(program.index(slot)))
         place = program.builder.gep(self._base, [program.index(slot).written], source_etype=self._kind)
         kind = vector(self._kind, program.abreast)

@@ -4,7 +4,7 @@ Where a CPU holds nodes or spheres of one world in the lanes of an instruction, 
 what follows one from the other goes from thread to thread. All the rest every thread of a team does alike.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -21,8 +21,6 @@ _PASS = "llvm.nvvm.shfl.sync.idx."
 
 class TeamProgram(Program):
     """One function under construction, for teams of threads."""
-
-    in_lanes = False
 
     def __init__(
         self,
@@ -92,14 +90,6 @@ class TeamProgram(Program):
             return condition.written
         vote = self._declared("llvm.nvvm.vote.any.sync", ir.FunctionType(BIT, [INDEX, BIT]))
         return self.builder.call(vote, [self._everybody, condition.written])
-
-    def most(self, value: Value, *, least: bool = False) -> Value:
-        """As every program's, of all threads."""
-        better: Callable[[Any, Any], Value] = self.xp.minimum if least else self.xp.maximum
-        found, *others = self.apart(value)
-        for other in others:
-            found = better(found, other)
-        return found
 
     def settle(self) -> None:
         """As every program's."""

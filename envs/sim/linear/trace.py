@@ -153,9 +153,6 @@ class Value:
 class Program:
     """One function under construction, for worlds in lanes."""
 
-    in_lanes = True
-    """Whether what stands side by side stands in the lanes of an instruction; else in threads (`team.TeamProgram`)."""
-
     def __init__(
         self, name: str, arguments: Sequence[Any], *, lanes: int, real: np.dtype, approximate: bool = False
     ) -> None:
@@ -236,6 +233,11 @@ class Program:
         self.lanes = self.abreast = count * registers
         yield self.abreast
         self.lanes = self.abreast = 1
+
+    @property
+    def in_lanes(self) -> bool:
+        """Whether things of one world stand in the lanes of an instruction now: side by side, and not in threads."""
+        return self.abreast > 1 and self.lanes > 1
 
     def settle(self) -> None:
         """Wait until all of a team have read and written what they had to, where there is one."""
