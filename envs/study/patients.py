@@ -24,20 +24,20 @@ _FORMAT = 1
 _MESENTERY = {
     "mesentery_sigmoid": "mesentery.height.sigmoid",
     "mesentery_transverse": "mesentery.height.transverse",
+    "mesentery_descending": "mesentery.height.descending",
+    "mesentery_ascending": "mesentery.height.ascending",
     "mesentery_stiffness": "mesentery.stiffness",
     "attachment": "mesentery.attachment",
     "support": "mesentery.support",
     "modulus": "mesentery.modulus",
+    "thickness_sigmoid": "mesentery.thickness.sigmoid",
+    "thickness_other": "mesentery.thickness.other",
     "bending": "mesentery.bending",
     "pleating": "mesentery.pleating",
 }
 """Variables that are numbers of the mesentery, by their names there."""
 
-_HUNG = {name: f"mesentery.{name}" for name in ("torsion", "drag", "anus", "grip")} | {
-    f"{what}_{name}": f"mesentery.{what}.{name}"
-    for what, names in {"thickness": ("sigmoid", "other"), "height": ("descending", "ascending")}.items()
-    for name in names
-}
+_HUNG = {name: f"mesentery.{name}" for name in ("torsion", "drag", "anus", "grip")}
 """Numbers of the mesentery that a study may vary and a cohort leaves as they are: variables, by their names there."""
 _AFTERWARDS = ("human_over_porcine", "between_persons")
 """Numbers of injury that act on the largest load of a run after it: names in assets/numbers/injury.toml."""
@@ -73,7 +73,8 @@ def _variable(name: str, entry: Mapping) -> Variable:
     low, high = entry.get("low", number and number.low), entry.get("high", number and number.high)
     low = max(low, 1e-3 * high) if entry["spread"] == "log-uniform" else low
     unit = number.unit if number else entry["unit"]
-    return Variable(name, f"patient.{name}", unit, (low + high) / 2, low, high, entry["spread"])
+    middle = float(f"{(low + high) / 2:.12g}")  # as a study would write it
+    return Variable(name, f"patient.{name}", unit, middle, low, high, entry["spread"])
 
 
 @cache
