@@ -61,6 +61,7 @@ from haustra.models.wall.sections import (
     flattening,
     flattening_rate,
     flattening_reach,
+    held_at,
     node_closing,
     node_closing_rate,
     section_gradient,
@@ -583,7 +584,9 @@ def _query_moved(
             deep, normal, surface = touched(np, deep, normal, radius, before, after, share)
             depth[world, p] = deep
             _put(inwards, world, p, normal)
-            held = minus(add(rest, surface), axis_point(np, tables, one, begin, end, arc))
+            along = _node(own.tangents, world, at), _node(own.tangents, world, at + 1)
+            offset = minus(rest, axis_point(np, tables, one, begin, end, arc))
+            held = held_at(offset, surface, along, share)
             _put(lever, world, p, held)
             if arc > 0:
                 moved = between(

@@ -35,6 +35,7 @@ from haustra.models.wall.sections import (
     flattening,
     flattening_rate,
     flattening_reach,
+    held_at,
     node_closing,
     node_closing_rate,
     section_gradient,
@@ -366,7 +367,9 @@ def query(
     at, share = _cell(xp, own, found.arcs)
     both = _section(shape, at), _section(shape, at + 1)
     depth, normal, lever = touched(xp, found.depth, vectors.of(found.inwards), radius, *both, share)
-    grip = AttachmentPoints(found.arcs, rest + stacked(xp, lever) - table.axis_at(xp, tables, found.arcs))
+    offset, world = vectors.of(rest - table.axis_at(xp, tables, found.arcs)), _worlds(at)
+    along = vectors.of(own.tangents[world, at]), vectors.of(own.tangents[world, at + 1])
+    grip = AttachmentPoints(found.arcs, stacked(xp, held_at(offset, lever, along, share)))
     return found._replace(depth=depth, inwards=stacked(xp, normal)), grip
 
 

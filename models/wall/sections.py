@@ -421,6 +421,23 @@ def touched(
     return kept * depth + (1 - kept) * radius, normal, lever
 
 
+def held_at(offset: Vector, surface: Vector, along: tuple[Vector, Vector], share: Any) -> Vector:
+    """Where a sphere holds on to the wall of the section it is looked up in, from the axis there, at rest [m].
+
+    A sphere that is ahead of the place where it is looked up, as one on a shaft may be in a colon that is packed on it
+    (`haustra.models.wall.threads`), holds on to the section there, not to what would be ahead of it: of a colon that is
+    packed to a third, what is ahead would be three times as far at rest, and turn with the section as on an arm.
+
+    Args:
+        offset: of the sphere's middle from the axis at rest [m].
+        surface: from there to its surface, at rest [m].
+        along: directions of the axis at rest at the nodes before and after.
+        share: of the way between them [1].
+    """
+    way = between(along[0], along[1], share)
+    return add(minus(offset, times(dot(offset, way) / dot(way, way), way)), surface)
+
+
 def carried_normal(section: Section, normal: Vector) -> Vector:
     """Normal of a surface of the colon at rest, across its image; as long as distances along it have shrunk."""
     real, part, flat, across = section
@@ -459,6 +476,7 @@ PARTS = (
     lengthening,
     taken_back,
     touched,
+    held_at,
     carried_normal,
 )
 """What numba is to compile."""

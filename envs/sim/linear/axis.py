@@ -39,6 +39,7 @@ from haustra.models.wall.sections import (
     flattening,
     flattening_rate,
     flattening_reach,
+    held_at,
     node_closing,
     node_closing_rate,
     section_gradient,
@@ -228,7 +229,8 @@ class Axis:
         xp, cell, room = self.program.xp, self._cell(arc), self._cells
         before, after = self._sections(cell)
         depth, normal, surface = touched(xp, depth, normal, radius, before, after, cell.share)
-        held = minus(add(rest, surface), self._axis(arc))
+        along = self._row_vector(cell.at, "tangent"), self._row_vector(cell.at + 1, "tangent")
+        held = held_at(minus(rest, self._axis(arc)), surface, along, cell.share)
 
         def speed(node: Value, section: Section, moving: Vector) -> Vector:
             rates = room.gather_vector(node, _SPIN), room.gather(node, _FLAT_RATE)

@@ -234,6 +234,36 @@ def test_a_tip_is_looked_up_no_further_beyond_the_last_sphere_than_folds_can_be_
     assert found[0, 0] == pytest.approx(walls.arcs[0, -1] + threads.PACKED * 0.005)
 
 
+def test_spheres_ahead_of_where_they_are_looked_up_hold_on_to_the_section_there() -> None:
+    """In a colon packed to 0.3 they are, by 35 mm at rest: no lever goes there, and a wall that turns does so by its radius.
+
+    Else sections that turn pass by the shaft at a metre a second, and contacts pinch it by tens of newtons.
+    """
+    colon = swept_colon(winding([(0.5, 0.0)]), name="tube")
+    tables = stack_tables([lumen_table(colon, device_radius=0.006, with_mesentery=True).tables])
+    x, world = 0.02 + 0.008 * np.arange(12), np.zeros(1, int)
+    points = np.column_stack([x, 0 * x, 0 * x])[None]
+    walls = TableWalls(tables, 1, 12, radius=0.006, threaded=True)
+    walls.begin(world, world, x[None] / 0.3)
+    picked, moved = pick(tables, world), walls.displacement
+    assert moved is not None and picked.mesentery is not None
+    moved.pose[0, :, 0] = -0.7 * picked.mesentery.nodes[0, :, 0]
+    moved.speed[0, :, 1] = 5.0 * 0.3 * picked.mesentery.nodes[0, :, 0]  # the axis turns by 5 rad/s about z
+    query = jitted(partial(moving_colon.query, jnp, threaded=12))
+    for _ in range(20):
+        with unchecked():
+            about = picked, moved, points, walls.arcs, np.full((1, 1), 0.006)
+            levers = [each.lever for _, each in (moving_colon.query(np, *about, threaded=12), query(*about))]
+        walls.look(world, points)
+    ahead = points[0, :, 0] - 0.3 * walls.arcs[0]
+    assert 0.3 * 0.035 < ahead[-1] < 0.3 * 0.05
+    for lever in (*levers, walls.lever):
+        assert np.abs(lever[0, :, 0]).max() < 0.006  # no further than the sphere's own surface is
+    turning = np.abs(walls.wall_speed[0, :, 0]).max()
+    assert 0 < turning < 5.5 * 0.02
+    np.testing.assert_allclose(walls.wall_speed[0, :, 1], 5.0 * 0.3 * walls.arcs[0], atol=5.0 * 0.006)
+
+
 def test_what_is_pressed_through_the_caecum_stays_at_the_colons_end() -> None:
     """Beside a longer colon too: nodes that fill up the shorter one's axis lie metres away, and are no colon."""
     parts = [[(0.1, 0.0), (0.1, 0.5), (0.1, 0.0)], [(0.1, 0.0), (0.1, 0.5), (0.2, 0.0)]]
