@@ -235,7 +235,7 @@ def test_a_tip_is_looked_up_no_further_beyond_the_last_sphere_than_folds_can_be_
 
 
 def test_spheres_ahead_of_where_they_are_looked_up_hold_on_to_the_section_there() -> None:
-    """In a colon packed to 0.3 they are, by 35 mm at rest: no lever goes there, and a wall that turns does so by its radius.
+    """In a colon packed to 0.3 they are, by 35 mm at rest: no lever goes there, and walls turn by their radius.
 
     Else sections that turn pass by the shaft at a metre a second, and contacts pinch it by tens of newtons.
     """
@@ -250,6 +250,7 @@ def test_spheres_ahead_of_where_they_are_looked_up_hold_on_to_the_section_there(
     moved.pose[0, :, 0] = -0.7 * picked.mesentery.nodes[0, :, 0]
     moved.speed[0, :, 1] = 5.0 * 0.3 * picked.mesentery.nodes[0, :, 0]  # the axis turns by 5 rad/s about z
     query = jitted(partial(moving_colon.query, jnp, threaded=12))
+    levers: list[Any] = []
     for _ in range(20):
         with unchecked():
             about = picked, moved, points, walls.arcs, np.full((1, 1), 0.006)
