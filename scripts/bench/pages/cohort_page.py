@@ -25,7 +25,7 @@ for so long. Everything counts until the tip is past the valve, P(perforation) t
 with P(perforation) = 1. The endoscopist has the adult scope of 1.68 m or that of 2 m that the policy knows.
 
 **What is calibrated.** Friction (0.03 to 0.1), the wall's modulus (0.18 to 0.36 MPa), its stiffness when pleated (0.03
-to 0.1 of that) and that of what lies around (0 to 50 N/m²) are drawn from the lower parts of their sourced ranges.
+to 0.1 of that) and that of what lies around (0 to 50 N/m²) are drawn from parts of their sourced ranges.
 Those parts and the endoscopist's rules and settings were chosen on other patients (seed 7), by how many observables of
 the half named `choose` in `assets/clinic/observables.toml` are inside, then by caeca; nothing was chosen by the
 patients below. The last choice, what lies around, counts any loop and caeca of 1,600 patients of seeds 14 to 17 as

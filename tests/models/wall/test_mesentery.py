@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from runtime_types import unchecked
+from scipy.optimize import brentq
+from scipy.special import ellipe, ellipj, ellipk
 
 from haustra.assets import asset
 from haustra.models.anatomy.colon import ColonSegment
@@ -11,6 +13,7 @@ from haustra.models.injury.pain import axis_tensions
 from haustra.models.wall import moving_colon
 from haustra.models.wall.abdomen import Abdomen
 from haustra.models.wall.mesentery import INDENTED, NODE_SPACING, Mesentery, hang, seen_from, stack
+from haustra.models.wall.sections import SHORTEST
 from haustra.quantity import load_quantities
 
 _NUMBERS = {name: each.value for name, each in load_quantities(asset("numbers/mesentery.toml")).items()}
@@ -130,3 +133,36 @@ def test_a_colon_that_hangs_from_its_root_is_at_rest_where_it_was_imaged() -> No
     with unchecked():
         force, _ = moving_colon.spring_forces(np, own, still.pose, none)
     assert np.abs(force).max() < 1e-6
+
+
+def _folded(spacing: float, height: float) -> tuple[np.ndarray, float]:
+    """Curvature [1/m] along an elastica's fold, evenly over its arc, and that arc's length [m]."""
+
+    def own(k: float) -> tuple[np.ndarray, float, float]:
+        along = np.linspace(0.0, 1.0, 2001)
+        sine, cosine, _, _ = ellipj(4 * ellipk(k * k) * along, k * k)
+        shorter = 2 * ellipe(k * k) / ellipk(k * k) - 1
+        turned = np.sin(2 * np.arcsin(k * sine))
+        rise = np.ptp(np.concatenate([[0.0], np.cumsum((turned[1:] + turned[:-1]) / 2) / 2000]))
+        return 8 * k * ellipk(k * k) * cosine, shorter, float(rise)
+
+    k = float(brentq(lambda k: own(k)[2] / own(k)[1] - height / spacing, 1e-9, 0.6))  # pyright: ignore[reportArgumentType]
+    curvature, shorter, _ = own(k)
+    return curvature * shorter / spacing, spacing / shorter
+
+
+def _pleating(thickness: float, spacing: float, height: float) -> float:
+    """Stiffness over that in tension of a spring that takes folds' work until they touch, by Ritz's bound."""
+    rest, arc = _folded(spacing, height)
+    left = SHORTEST * spacing / arc
+    k = float(brentq(lambda k: 2 * ellipe(k * k) / ellipk(k * k) - 1 - left, 1e-6, 0.99))  # pyright: ignore[reportArgumentType]
+    _, cosine, _, _ = ellipj(4 * ellipk(k * k) * np.linspace(0.0, 1.0, 2001), k * k)
+    change = 8 * k * ellipk(k * k) * cosine / arc - rest
+    work = 0.5 * thickness**2 / 9 * np.mean(change**2) * arc / spacing  # over E t, per length at rest
+    return float(2 * work / (1 - SHORTEST) ** 2)
+
+
+def test_pleating_is_what_folds_of_the_wall_resist() -> None:
+    quantity = load_quantities(asset("numbers/mesentery.toml"))["mesentery.pleating"]
+    assert _pleating(0.0025, 0.019, 1e-6) == pytest.approx(quantity.high, rel=0.05)
+    assert _pleating(0.001, 0.05, 0.007) == pytest.approx(quantity.low, rel=0.1)
