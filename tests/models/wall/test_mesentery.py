@@ -1,5 +1,7 @@
 """How a colon hangs: what is mobile, what is fixed, and how several are stacked."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from runtime_types import unchecked
@@ -135,30 +137,27 @@ def test_a_colon_that_hangs_from_its_root_is_at_rest_where_it_was_imaged() -> No
     assert np.abs(force).max() < 1e-6
 
 
-def _folded(spacing: float, height: float) -> tuple[np.ndarray, float]:
-    """Curvature [1/m] along an elastica's fold, evenly over its arc, and that arc's length [m]."""
+def _elastica(k: float) -> tuple[np.ndarray, float, float]:
+    """A fold of arc 1 and modulus k: curvature evenly over its arc, length from end to end, and height."""
+    along = np.linspace(0.0, 1.0, 2001)
+    sine, cosine, _, _ = ellipj(4 * ellipk(k * k) * along, k * k)
+    turned = np.sin(2 * np.arcsin(k * sine))
+    risen = np.concatenate([[0.0], np.cumsum((turned[1:] + turned[:-1]) / 2) / 2000])
+    return 8 * k * ellipk(k * k) * cosine, float(2 * ellipe(k * k) / ellipk(k * k) - 1), float(np.ptp(risen))
 
-    def own(k: float) -> tuple[np.ndarray, float, float]:
-        along = np.linspace(0.0, 1.0, 2001)
-        sine, cosine, _, _ = ellipj(4 * ellipk(k * k) * along, k * k)
-        shorter = 2 * ellipe(k * k) / ellipk(k * k) - 1
-        turned = np.sin(2 * np.arcsin(k * sine))
-        rise = np.ptp(np.concatenate([[0.0], np.cumsum((turned[1:] + turned[:-1]) / 2) / 2000]))
-        return 8 * k * ellipk(k * k) * cosine, shorter, float(rise)
 
-    k = float(brentq(lambda k: own(k)[2] / own(k)[1] - height / spacing, 1e-9, 0.6))  # pyright: ignore[reportArgumentType]
-    curvature, shorter, _ = own(k)
-    return curvature * shorter / spacing, spacing / shorter
+def _fold(above: Callable[[float, float], float]) -> tuple[np.ndarray, float]:
+    """Curvature and length of the fold where what is asked of its length and height crosses 0."""
+    found = float(brentq(lambda k: above(*_elastica(k)[1:]), 1e-9, 0.9))  # type: ignore[arg-type]
+    return _elastica(found)[:2]
 
 
 def _pleating(thickness: float, spacing: float, height: float) -> float:
     """Stiffness over that in tension of a spring that takes folds' work until they touch, by Ritz's bound."""
-    rest, arc = _folded(spacing, height)
-    left = SHORTEST * spacing / arc
-    k = float(brentq(lambda k: 2 * ellipe(k * k) / ellipk(k * k) - 1 - left, 1e-6, 0.99))  # pyright: ignore[reportArgumentType]
-    _, cosine, _, _ = ellipj(4 * ellipk(k * k) * np.linspace(0.0, 1.0, 2001), k * k)
-    change = 8 * k * ellipk(k * k) * cosine / arc - rest
-    work = 0.5 * thickness**2 / 9 * np.mean(change**2) * arc / spacing  # over E t, per length at rest
+    rest, share = _fold(lambda length, high: high / length - height / spacing)
+    shut, _ = _fold(lambda length, _: SHORTEST * share - length)
+    arc = spacing / share
+    work = 0.5 * thickness**2 / 9 * np.mean((shut - rest) ** 2) / arc / spacing  # over E t, per length at rest
     return float(2 * work / (1 - SHORTEST) ** 2)
 
 
