@@ -48,8 +48,8 @@ class EndoscopistSettings:
 
     look_ahead: float = number("m", 0.005, 0.5, default=0.045)
     """Distance ahead of the tip of the lumen that it is steered towards [m]."""
-    advance_rate: float = number("m/s", 1e-4, 1.0, default=0.03)
-    """Insertion speed in free lumen [m/s]: 0.9 m in 30 s of motion; a whole insertion takes 5 to 15 min (Shah 2000)."""
+    advance_rate: float = number("m/s", 1e-4, 1.0, default=0.04)
+    """Insertion speed in free lumen [m/s]: 0.9 m in 23 s of motion; a whole insertion takes 5 to 15 min (Shah 2000)."""
     steer_gain: float = number("1/s", 0.0, 100.0, default=6.0)
     """Bending rate per angle off the lumen's axis [1/s]."""
     steer_limit_deg: float = number("degrees", 1.0, 360.0, default=130.0)
@@ -57,7 +57,7 @@ class EndoscopistSettings:
     steer_lead: float = number("rad", 0.01, 10.0, default=3.0)
     """Largest lead of the wires over the angle that the bending section has reached [rad]: enough to pull at a tip that
     a wall has caught as hard as wheels do. With 0.6 rad, tips stay bent over in the right colon."""
-    gentle_force: float = number("N", 0.01, 1e3, default=12.0)
+    gentle_force: float = number("N", 0.01, 1e3, default=10.0)
     """Push that is not exceeded while things go well [N]; 9.8 N are exceeded for 5 % of the time (Appleyard 2000)."""
     held_force: float = number("N", 0.01, 1e3, default=6.0)
     """Push that is left on the shaft while it is held [N]: the hand eases what is more."""
@@ -76,7 +76,7 @@ class EndoscopistSettings:
     """Time without lumen passing for which one goes on gently [s]."""
     firmer: float = number("N/s", 0.0, 1e3, default=4.0)
     """Rate at which one pushes harder from then on, until lumen passes [N/s]."""
-    pull_force: float = number("N", 0.01, 1e3, default=15.0)
+    pull_force: float = number("N", 0.01, 1e3, default=12.0)
     """Pull at which withdrawal stands still [N]; clinics' largest is 17.7 N (Appleyard 2000)."""
     torque_limit: float = number("N m", 1e-3, 10.0, default=0.8)
     """Torque at which turning stands still [N m]."""
