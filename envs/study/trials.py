@@ -120,6 +120,8 @@ class Answer:
     high: float | None
     reached: tuple[float, float] | None
     """Share of the patients in which each arm came to the caecum."""
+    arrived: float | None = None
+    """Effect over those patients whom both arms brought to the caecum; None where there are too few patients."""
 
     @property
     def reproduced(self) -> bool:
@@ -296,7 +298,9 @@ def answered(name: str, trial: Trial, arms: Sequence[Mapping[int, Mapping[str, A
     reached = [float(np.mean([arm[patient][_CAECUM] for patient in examined])) for arm in arms]
     low, high = _interval(values[0] - values[1])
     first, second = (float(each.mean()) for each in values)
-    return Answer(name, trial, len(both), first, second, first - second, low, high, (reached[0], reached[1]))
+    came = np.array([all(arm[patient][_CAECUM] for arm in arms) for patient in both])
+    arrived = float((values[0] - values[1])[came].mean()) if came.sum() >= LEAST_PATIENTS else None
+    return Answer(name, trial, len(both), first, second, first - second, low, high, (reached[0], reached[1]), arrived)
 
 
 def _of_patient(endpoint: Endpoint, scores: Mapping[str, Any], seconds: float) -> float | None:

@@ -74,6 +74,18 @@ def test_who_does_not_come_to_the_flexure_tells_nothing_about_it(name: str, scor
     assert answered("t", trial, [first, second], seconds=120.0).effect is None
 
 
+def test_an_arm_that_reaches_more_tells_its_effect_among_those_whom_both_reach() -> None:
+    """Faster by who arrives, and slower where both do: the two are told apart."""
+    trial, _ = load_trial("length")
+    slower_but_all = _arm(np.full(8, 60.0))
+    quicker_but_seven = _arm(np.where(np.arange(8) < 7, 50.0, 150.0))
+    found = answered("t", trial, [slower_but_all, quicker_but_seven], seconds=200.0)
+    assert found.effect is not None and found.effect < 0
+    assert found.arrived == pytest.approx(10.0)
+    nobody = _arm(np.full(8, 150.0))
+    assert answered("t", trial, [nobody, nobody], seconds=200.0).arrived is None
+
+
 def test_equality_is_held_to_the_trials_own_interval() -> None:
     trial, _ = load_trial("cf100l-pcf100")
     assert trial.interval is not None
