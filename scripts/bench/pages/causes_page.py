@@ -65,7 +65,9 @@ touch, which these patients' abdomens are without; the wall's density, since the
 imaged; and what makes mucosa bleed, which no score of an examination counts"""
 _EARLIER = """
 **What is older here.** These patients were examined on 26 November 2026, before their mesenteries hung from their
-roots, with `support` up to 700 N/m^2 and `pleating` up to 0.3; patients are drawn from the lower parts of both now.
+roots and spheres held on to the section they are looked up in, with `support` up to 700 N/m^2, `pleating` from 0.03 to
+0.3 and friction up to 0.1; patients have `support` up to 50 N/m^2, `pleating` from 0.004 to 0.28 and friction up to
+0.2.
 """
 _GROWN = "patient.gas_pressure"
 
