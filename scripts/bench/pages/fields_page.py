@@ -13,6 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from haustra.envs.control.endoscopist import EndoscopistSettings
 from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.learning.settings import Training
 from haustra.envs.study.credibility import ContextOfUse
@@ -38,6 +39,7 @@ CONFIGURATIONS: Mapping[str, type] = {
     "Scope designs": ScopeDesign,
     **{f"Devices of kind '{kind}'": device_class(kind) for kind in kinds()},
     "The lumen follower": FollowerSettings,
+    "The endoscopist": EndoscopistSettings,
     "A study's variable": Variable,
     "A study's sampler": Sampler,
     "A study's budget": Budget,

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from haustra.envs.control.laws import DRIVERS
 from haustra.fields import declaration_of, declared_fields
 from haustra.models.scene import SceneOptions
 from haustra.scripts.bench.pages.fields_page import CONFIGURATIONS, fields_page
@@ -19,6 +20,10 @@ FREE = {"nominal", "low", "high", "deviation", "values"}
 def test_the_committed_page_is_current() -> None:
     committed = Path(__file__).parents[4] / "docs" / "fields.md"
     assert committed.read_text(encoding="utf-8") == fields_page(), "run `make docs` and commit the page"
+
+
+def test_settings_of_every_driver_that_a_file_may_name_are_listed() -> None:
+    assert set(DRIVERS.values()) <= set(CONFIGURATIONS.values())
 
 
 @pytest.mark.parametrize("kind", [*CONFIGURATIONS.values(), *map(load_verb, VERBS)], ids=lambda kind: kind.__name__)
