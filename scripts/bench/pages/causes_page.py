@@ -63,12 +63,6 @@ _WITHOUT_EFFECT = """, nor numbers that do nothing
 here: age, whose effect no source gives; what bursts under gas, since none is let in; envelope, breath and loops that
 touch, which these patients' abdomens are without; the wall's density, since they lie on the back and as they were
 imaged; and what makes mucosa bleed, which no score of an examination counts"""
-_EARLIER = """
-**What is older here.** These patients were examined on 26 November 2026, before their mesenteries hung from their
-roots and spheres held on to the section they are looked up in, with `support` up to 700 N/m^2, `pleating` from 0.03 to
-0.3 and friction up to 0.1; patients have `support` up to 50 N/m^2, `pleating` from 0.004 to 0.28 and friction up to
-0.2.
-"""
 _GROWN = "patient.gas_pressure"
 
 
@@ -114,7 +108,7 @@ def causes_page(kept: Mapping[str, Any], *, page: str = "causes") -> str:
             first = f"{each['first']:.2f} (± {each['first_confidence']:.2f})"
             rows.append(f"| {meanings[score]} | {each['variable']} | {total} | {first} |\n")
     left = _WITHOUT_EFFECT if within else _WITHIN if torn else ""
-    return head + "".join(rows) + _TAIL.format(most=_MOST, within=left) + (_EARLIER if torn else "")
+    return head + "".join(rows) + _TAIL.format(most=_MOST, within=left)
 
 
 def main(page: Path, sources: Sequence[Path]) -> None:
