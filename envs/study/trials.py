@@ -120,7 +120,7 @@ class Answer:
     high: float | None
     reached: tuple[float, float] | None
     """Share of the patients in which each arm came to the caecum."""
-    arrived: float | None = None
+    arrived: float | None
     """Effect over those patients whom both arms brought to the caecum; None where there are too few patients."""
 
     @property
@@ -292,7 +292,7 @@ def answered(name: str, trial: Trial, arms: Sequence[Mapping[int, Mapping[str, A
     told = [{patient: _of_patient(trial.endpoint, scores, seconds) for patient, scores in arm.items()} for arm in arms]
     both = [one for one in sorted(set(told[0]) & set(told[1])) if told[0][one] is not None and told[1][one] is not None]
     if len(both) < LEAST_PATIENTS:
-        return Answer(name, trial, len(both), None, None, None, None, None, None)
+        return Answer(name, trial, len(both), None, None, None, None, None, None, None)
     values = [np.array([each[patient] for patient in both], float) for each in told]
     examined = set(arms[0]) & set(arms[1])
     reached = [float(np.mean([arm[patient][_CAECUM] for patient in examined])) for arm in arms]

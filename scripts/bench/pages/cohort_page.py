@@ -39,12 +39,13 @@ hurting.
 
 **Eight hundred patients (seed 21, 28 November 2026) show 9 of the 12**: loops, half a metre, forces over the day's way,
 strong pushes, caeca (0.93), straightenings, the share of time with a loop and P(perforation) (0.0015, 0.0006 to 0.0028)
-are as in patients. Before it 400 each of seeds 19 and 20 had shown 9 and 8: half a metre of 0.285 of men and 0.290 of
-women together, loop and time 0.17.
+are as in patients. Before it 400 each of seeds 19 and 20 (`--patients 400`) had shown 9 and 8: pain and peaks are
+outside in both, half a metre (0.32 of women) in the first, loop and time (0.22) and P(perforation) (0.0025) in the
+second.
 
-On two Xeon cores four hundred took 18 min in all beside other work, and 24 take a minute. On one H200 800 take 139 s of
-stepping (`--backend linear-gpu`; 283 s in all, with growing on 32 cores), and 400 take 95 to 109 s, where three minutes
-suffice. The scope of 2 m has 24 patients.
+On two Xeon cores 24 take a minute, and four hundred took 18 min in all (the version before). On one H200 800 take
+139 s of stepping (`--backend linear-gpu`; 283 s in all, with growing on 32 cores), and 400 take 95 to 109 s, where
+three minutes suffice. The scope of 2 m has 24 patients.
 
 **What changed since the version before** (8 of 12 in 400 of seed 18). Friction goes to 0.2 instead of 0.1. How stiffly
 a colon pleats is [computed of its folds](../theory/mesentery.md), and all of that range is drawn from. The endoscopist
@@ -58,7 +59,7 @@ advances by 4 cm/s instead of 3, pushes gently with 10 N instead of 12, and pull
 - *Loop and time*: whose sigmoid loops when the tip is at the splenic flexure takes longer (0.22, where 0.2 is the
   end), by the manoeuvres that undo the loop.
 - *Peaks*: torque peaks at 0.36 N m, and pushes at 28.7 N, where 30 N begin: lumen passes before he pushes harder, and
-  what lies outside the patient is not modelled. Pulls peak at 9.7 N, where 10 N begin; those of 15 N are inside.
+  what lies outside the patient is not modelled. Pulls peak at 9.7 N, where 10 N begin: they end at 12 N.
 """
 
 

@@ -13,8 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from haustra.envs.control.endoscopist import EndoscopistSettings
-from haustra.envs.control.follower import FollowerSettings
+from haustra.envs.control.laws import DRIVERS
 from haustra.envs.learning.settings import Training
 from haustra.envs.study.credibility import ContextOfUse
 from haustra.envs.study.device import DeviceStudyOptions
@@ -38,8 +37,7 @@ CONFIGURATIONS: Mapping[str, type] = {
     "Scenes": SceneOptions,
     "Scope designs": ScopeDesign,
     **{f"Devices of kind '{kind}'": device_class(kind) for kind in kinds()},
-    "The lumen follower": FollowerSettings,
-    "The endoscopist": EndoscopistSettings,
+    **{f"The driver '{name}'": settings for name, settings in DRIVERS.items()},
     "A study's variable": Variable,
     "A study's sampler": Sampler,
     "A study's budget": Budget,

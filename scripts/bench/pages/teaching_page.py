@@ -19,8 +19,8 @@ _HEAD = """\
 **Question.** Does PPO after demonstrations of the endoscopist get further than PPO without, at equal steps?
 
 Made by `python -m haustra.scripts.bench.pages.teaching_page docs/validation/teaching.md DIR/teaching.json ...` from one
-teaching.json a lesson, and kept in docs/validation/data/teaching.json; do not edit. Measured before the endoscopist
-pushed harder and in quicker strokes, as it does since 27 November 2026.
+teaching.json a lesson, and kept in docs/validation/data/teaching.json; do not edit. Measured with the
+endoscopist's settings of before 27 November 2026.
 """
 _LESSON = """
 ## {steps:,} steps

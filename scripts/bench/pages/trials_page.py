@@ -38,7 +38,7 @@ _READ = """
 
 - Effects are the first arm's less the second's.
 - Times are those of the driver's own pace; who does not reach the caecum counts with {seconds:g} s, so that an arm that
-  reaches more is faster even where it is slower in those whom both reach: that effect stands beside it.
+  arrives more often may be the faster one though it is slower where both arrive: that effect stands beside it.
 - {patients} patients an arm, driven by the {driver}; the trials themselves had 40 to 1,121.
 - Published figures are from abstracts; intervals of equal trials are computed from them (Wald).
 {remark}
