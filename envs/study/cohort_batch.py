@@ -213,7 +213,7 @@ def together(tables: Sequence[Sequence[Tables]]) -> Tables:
     return base._replace(mesentery=mesentery.stack(hung))
 
 
-LINEAR = Backend(start=partial(_start, device="cpu"), batch=_JOBS, prepare=_prepare)
+LINEAR = Backend(start=partial(_start, device="cpu"), batch=_JOBS, alike="conditions", prepare=_prepare)
 """A process a core, each with patients of its own: none waits for another's slowest, nor for one line of Python."""
 LINEAR_GPU = Backend(start=partial(_start, device="cuda"), batch=4096, most_workers=1, prepare=_prepare_gpu)
 """One process: it fills the device by itself."""

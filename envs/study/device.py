@@ -298,6 +298,6 @@ QUESTION = Question(
     options=DeviceStudyOptions,
     check=build_setup,
 )
-NATIVE = Backend(start=_start, batch=TOGETHER, one_design=True, together=True)
+NATIVE = Backend(start=_start, batch=TOGETHER, alike="design", together=True)
 WARP = Backend(start=_start_warp, batch=BATCH, most_workers=1, together=True)
 """One process: it fills the device by itself."""

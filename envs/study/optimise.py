@@ -57,7 +57,7 @@ def run_optimise(
     require_budget(study, trials)
     with open_store(folder, study, lambda: (), kind="optimise", resume=resume) as store:
         with job_map(study, folder, computing, tell=lambda note: progress(0, 1, note)) as answer:
-            store.begin_session(backend=computing.backend, pool=computing.on, one_design=backend.one_design)
+            store.begin_session(backend=computing.backend, pool=computing.on, alike=backend.alike)
             for first in range(0, trials, size):
                 jobs = _generation(store, study, first, min(size, trials - first))
                 for wave in (jobs[:: len(conditions_of(study))], jobs):

@@ -6,6 +6,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TypeAlias
 
+from haustra.envs.study.store import Alike
 from haustra.envs.study.study import Column, Job, Result, ScoreError, Study, Value
 from haustra.errors import HaustraError, InvalidOptionError, InvalidStudyError, MissingDependencyError
 
@@ -21,8 +22,8 @@ class Backend:
     """Called once in each process that computes: the study, and the folder for what jobs share."""
     batch: int = 1
     """Jobs that one call of the runner likes best."""
-    one_design: bool = False
-    """Whether it gains nothing by jobs of several designs in one call."""
+    alike: Alike = "nothing"
+    """What jobs of one call need to have in common: it gains nothing by jobs that differ in it."""
     together: bool = False
     """Whether answers of one call come all at once, not each as it is known."""
     most_workers: int | None = None

@@ -70,7 +70,7 @@ def run_sweep(
         open_store(folder, study, lambda: jobs_of(study, designs_of(study)), kind="sweep", resume=resume) as store,
         job_map(study, folder, computing, tell=lambda note: progress(0, 1, note)) as answer,
     ):
-        store.begin_session(backend=computing.backend, pool=computing.on, one_design=backend.one_design)
+        store.begin_session(backend=computing.backend, pool=computing.on, alike=backend.alike)
         answer_all(store, answer, progress=progress)
         counts = store.counts()
         return {**{state: counts[state] for state in DONE}, **(export(store) if tables else {})}

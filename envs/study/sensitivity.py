@@ -70,7 +70,7 @@ def run_sensitivity(
     designs = at_quantiles(study.variables, saltelli(study))
     with open_store(folder, study, lambda: jobs_of(study, designs), kind="sensitivity", resume=resume) as store:
         with job_map(study, folder, computing, tell=lambda note: progress(0, 1, note)) as answer:
-            store.begin_session(backend=computing.backend, pool=computing.on, one_design=backend.one_design)
+            store.begin_session(backend=computing.backend, pool=computing.on, alike=backend.alike)
             answer_all(store, answer, progress=progress)
         counts = store.counts()
         indices, left_out = sobol_indices(results_frame(store), study)

@@ -42,6 +42,10 @@ create table jobs (
 create index jobs_by_state on jobs (state, crashes, id);
 """
 Kind = Literal["sweep", "optimise", "sensitivity"]
+Alike = Literal["nothing", "design", "conditions"]
+"""What jobs that are claimed together have in common."""
+_SHARED: Mapping[Alike, str] = {"nothing": "''", "design": "design", "conditions": "conditions"}
+"""In SQL, what has one value in jobs that are claimed together."""
 T = TypeVar("T")
 
 
@@ -51,7 +55,7 @@ class SweepStore:
     def __init__(self, connection: sqlite3.Connection, folder: Path):
         self._connection, self.folder = connection, folder
         self._session: int | None = None
-        self._one_design = False
+        self._alike: Alike = "nothing"
         facts = dict(connection.execute("select name, value from facts"))
         if facts.get("format_version") != str(FORMAT_VERSION):
             raise UnreadableFileError(f"'{folder / FILE}' is of another version: run the sweep into a new folder.")
@@ -60,12 +64,12 @@ class SweepStore:
         except (KeyError, ValueError, TypeError) as error:
             raise UnreadableFileError(f"'{folder / FILE}' is damaged ({error}): run the sweep again.") from error
 
-    def begin_session(self, *, backend: str, pool: str, one_design: bool = False) -> None:
+    def begin_session(self, *, backend: str, pool: str, alike: Alike = "nothing") -> None:
         """Note who computes from now on; jobs that died with an earlier claimant wait again.
 
-        With `one_design`, jobs that are claimed together have their design in common.
+        Jobs that are claimed together have in common what is to be `alike`.
         """
-        self._one_design = one_design
+        self._alike = alike
         with self._writing() as connection:
             values = (_now(), node(), backend, pool, json.dumps(package_versions() | backend_record(backend)))
             cursor = connection.execute(
@@ -81,14 +85,15 @@ class SweepStore:
 
     def claim(self, most: int) -> list[Job]:
         """Up to `most` jobs that wait, which then are claimed; one alone if it crashed a worker before."""
+        shared = _SHARED[self._alike]
         with self._writing() as connection:
             rows = connection.execute(
-                "select id, design, variables, conditions, crashes from jobs where state = 'pending' "
-                "order by crashes, id limit ?",
+                f"select id, design, variables, conditions, crashes, {shared} from jobs where state = 'pending' "
+                f"order by crashes, {shared}, id limit ?",
                 (most,),
             ).fetchall()
             rows = [row for row in rows if row[4] == 0] or rows[:1]
-            rows = [row for row in rows if not self._one_design or row[1] == rows[0][1]]
+            rows = [row for row in rows if row[5] == rows[0][5]]
             connection.executemany(
                 "update jobs set state = 'claimed', attempts = attempts + 1, session = ? where id = ?",
                 [(self._session, row[0]) for row in rows],

@@ -7,6 +7,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import polars
@@ -16,7 +17,7 @@ from haustra.envs.study.pool import Lost
 from haustra.envs.study.questions import one_by_one
 from haustra.envs.study.run import Computing, answer_all, run_sweep
 from haustra.envs.study.sampling import designs_of, jobs_of
-from haustra.envs.study.store import MOST_CRASHES, open_store, read_store
+from haustra.envs.study.store import MOST_CRASHES, Alike, open_store, read_store
 from haustra.envs.study.study import Job, Result
 from haustra.errors import InvalidDesignError, InvalidOptionError, OutputError, UnreadableFileError
 from haustra.scripts.main import SUCCESS, main
@@ -117,16 +118,20 @@ def test_what_a_dead_writer_had_claimed_waits_again(tmp_path: Path) -> None:
         assert [job.id for job in store.claim(2)] == [1, 2]
 
 
-def test_jobs_that_share_a_call_can_be_of_one_design(tmp_path: Path) -> None:
+@pytest.mark.parametrize("alike", ["design", "conditions"])
+def test_jobs_that_share_a_call_can_be_alike(alike: Alike, tmp_path: Path) -> None:
+    def shared(jobs: Sequence[Job]) -> set[str]:
+        return {str(getattr(job, alike)) for job in jobs}
+
     with _open(tmp_path) as store:
         total = store.counts()["pending"]
-        store.begin_session(backend="native", pool="here", one_design=True)
+        store.begin_session(backend="native", pool="here", alike=alike)
         claimed = []
         while jobs := store.claim(total):
-            assert len({job.design for job in jobs}) == 1
+            assert len(shared(jobs)) == 1
             claimed.append(jobs)
         assert sum(map(len, claimed)) == total
-        assert len(claimed) == len({jobs[0].design for jobs in claimed})
+        assert len(claimed) == len(set.union(*map(shared, claimed))) > 1, "as many as there may be, at once"
 
 
 def test_nothing_is_recorded_twice(tmp_path: Path) -> None:
