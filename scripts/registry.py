@@ -95,6 +95,7 @@ BENCHMARKS: Mapping[str, str] = {
     "bench stability": f"{_BENCH}.stability:BenchStability",
     "bench teaching": f"{_BENCH}.teaching:BenchTeaching",
     "bench tracked": f"{_BENCH}.tracked:BenchTracked",
+    "bench ultrathin": f"{_BENCH}.ultrathin:BenchUltrathin",
     "bench view": f"{_BENCH}.view:BenchView",
     "bench worlds": f"{_BENCH}.worlds:BenchWorlds",
 }

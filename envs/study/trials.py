@@ -296,7 +296,7 @@ def answered(name: str, trial: Trial, arms: Sequence[Mapping[int, Mapping[str, A
     values = [np.array([each[patient] for patient in both], float) for each in told]
     examined = set(arms[0]) & set(arms[1])
     reached = [float(np.mean([arm[patient][_CAECUM] for patient in examined])) for arm in arms]
-    low, high = _interval(values[0] - values[1])
+    low, high = mean_interval(values[0] - values[1])
     first, second = (float(each.mean()) for each in values)
     came = np.array([all(arm[patient][_CAECUM] for arm in arms) for patient in both])
     arrived = float((values[0] - values[1])[came].mean()) if came.sum() >= LEAST_PATIENTS else None
@@ -319,8 +319,8 @@ def _of_patient(endpoint: Endpoint, scores: Mapping[str, Any], seconds: float) -
     return None if begun is None or begun > seconds else time - float(begun)
 
 
-def _interval(differences: Float[np.ndarray, " patients"]) -> tuple[float, float]:
-    """95 % interval of the mean, patients resampled."""
+def mean_interval(differences: Float[np.ndarray, " patients"]) -> tuple[float, float]:
+    """95 % interval of the mean of something that patients differ in, patients resampled."""
     drawn = np.random.default_rng(0).integers(0, len(differences), (_RESAMPLES, len(differences)))
     low, high = np.percentile(differences[drawn].mean(axis=1), [2.5, 97.5])
     return float(low), float(high)

@@ -1,6 +1,7 @@
-"""Write the page of published trials from the trials.json that `haustra trials -o DIR` leaves.
+"""Write the page of published trials from what `haustra trials -o DIR` and `haustra bench ultrathin -o DIR` leave.
 
-`python -m haustra.scripts.bench.pages.trials_page docs/validation/trials.md DIR/trials.json`.
+`python -m haustra.scripts.bench.pages.trials_page docs/validation/trials.md DIR/trials.json DIR/ultrathin.json`; either
+alone leaves what is kept of the other.
 """
 
 import sys
@@ -11,6 +12,8 @@ from typing import Any
 from haustra.files import write_atomically, write_json
 from haustra.reading import read_document
 
+ULTRATHIN = "ultrathin"
+"""Under what the table of `haustra bench ultrathin` is kept among the trials."""
 _HEAD = """\
 # Validation: trials with known answers
 
@@ -33,6 +36,16 @@ endpoint, as no loop can be seen at a flexure that the tip never came to, does n
 | effect where both arrive | reproduced |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
 """
+_SCOPES = """
+## What keeps the ultrathin scope from the caecum
+
+`haustra bench ultrathin -o DIR --patients {patients} --seconds {seconds:g} --seed {seed}`: the same patients with
+scopes that lie between both arms; caeca beyond those of the standard scope, 95 % interval over patients. A soft shaft,
+and a soft section behind the bending section of a stiff one, cost as many caeca as both; more shaft brings them back.
+
+| scope | caeca | more than the standard one | shaft inside at the caecum [m] |
+| --- | --- | --- | --- |
+"""
 _READ = """
 ## How to read it
 
@@ -41,6 +54,7 @@ _READ = """
   arrives more often may be the faster one though it is slower where both arrive: that effect stands beside it.
 - {patients} patients an arm, driven by the {driver}; the trials themselves had 40 to 1,121.
 - Published figures are from abstracts; intervals of equal trials are computed from them (Wald).
+- Another kind of CPU brings one or two patients of 96 more or fewer to the caecum: courses are sensitive.
 {remark}
 ## What is assumed
 
@@ -70,7 +84,17 @@ def trials_page(table: Mapping[str, Any]) -> str:
         for one in trials
     )
     remark = f"- {table['remark']}\n" if "remark" in table else ""
-    return f"{head}{rows}{_READ.format(**asked, remark=remark)}{assumed}".rstrip("\n") + "\n"
+    scopes = _scopes(table[ULTRATHIN]) if ULTRATHIN in table else ""
+    return f"{head}{rows}{scopes}{_READ.format(**asked, remark=remark)}{assumed}".rstrip("\n") + "\n"
+
+
+def _scopes(table: Mapping[str, Any]) -> str:
+    """The section on scopes between an ultrathin and a standard one."""
+    return _SCOPES.format(**table["asked"]) + "".join(
+        f"| {one['scope']} | {one['caecum']:.3f} | {one['more']:+.3f} ({one['low']:+.3f} to {one['high']:+.3f}) "
+        f"| {'–' if one['inserted_m'] is None else format(one['inserted_m'], '.2f')} |\n"
+        for one in table["scopes"]
+    )
 
 
 def _row(one: Mapping[str, Any]) -> tuple[str, ...]:
@@ -95,11 +119,17 @@ def _row(one: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def main(page: Path, sources: Sequence[Path]) -> None:
-    """Keep the trials beside the page, and write it; without a source from what is kept."""
+    """Keep what was measured beside the page, and write it; without a source from what is kept."""
     kept = page.parent / "data" / f"{page.stem}.json"
+    table = dict(read_document(kept, "trials")) if kept.exists() else {}
     for source in sources:
-        write_json(kept, read_document(source, "trials"))
-    text = trials_page(read_document(kept, "trials"))
+        found = dict(read_document(source, "trials"))
+        if "scopes" in found:
+            table[ULTRATHIN] = found
+        else:  # what is kept of scopes stays, nothing else
+            table = found | {name: each for name, each in table.items() if name == ULTRATHIN}
+    write_json(kept, table)
+    text = trials_page(table)
     write_atomically(page, lambda file: file.write_text(text, encoding="utf-8"))
 
 

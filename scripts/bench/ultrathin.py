@@ -1,0 +1,98 @@
+"""What keeps an ultrathin scope from the caecum: scopes that differ from it in one thing, each in the same patients."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from haustra.assets import asset
+from haustra.children import cores
+from haustra.envs.study.cohort import cohort_study
+from haustra.envs.study.run import Computing, run_sweep
+from haustra.envs.study.store import FILE, read_store
+from haustra.envs.study.trials import mean_interval
+from haustra.files import prepare_folder
+from haustra.models.devices.scope.design import ScopeDesign
+from haustra.models.devices.scope.files import load_design, save_design
+from haustra.models.devices.scope.library import named_design
+
+STANDARD, ULTRATHIN = "standard", "ultrathin"
+LONGER = 0.3
+"""By how much more shaft than others one of the scopes has [m]; engineering choice."""
+
+
+def scopes() -> dict[str, ScopeDesign]:
+    """Both arms of the trial 'ultrathin', and what lies between them, by what each is."""
+    standard, thin = named_design("adult"), load_design(asset(f"trials/designs/{ULTRATHIN}.toml"))
+    (paediatric,) = named_design("paediatric").shaft
+    (stiff,), (soft, section) = standard.shaft, thin.shaft
+    firmer = replace(
+        soft, flexural_rigidity=paediatric.flexural_rigidity, torsional_rigidity=paediatric.torsional_rigidity
+    )
+    plain = soft.length + section.length
+    found = {
+        STANDARD: standard,
+        "standard, with the extra bending section": replace(
+            standard, shaft=(replace(stiff, length=stiff.length - section.length), section)
+        ),
+        ULTRATHIN: thin,
+        "ultrathin, without the extra bending section": replace(thin, shaft=(replace(soft, length=plain),)),
+        "ultrathin, with a paediatric scope's shaft": replace(thin, shaft=(firmer, section)),
+        "ultrathin, with a paediatric scope's shaft and no extra section": replace(
+            thin, shaft=(replace(firmer, length=plain),)
+        ),
+        f"ultrathin, {LONGER:g} m longer": replace(thin, shaft=(replace(soft, length=soft.length + LONGER), section)),
+    }
+    return {what: replace(design, name=f"scope-{number}") for number, (what, design) in enumerate(found.items())}
+
+
+def bench_ultrathin(
+    folder: Path,
+    *,
+    patients: int,
+    seconds: float,
+    seed: int,
+    backend: str,
+    progress: Callable[[int, int, str], None] = lambda done, total, note: None,
+) -> list[dict[str, Any]]:
+    """Examine the same patients with every scope: how many caeca each reaches, and how many more than the standard one.
+
+    Args:
+        folder: for designs and store; a store that is there goes on.
+        patients: how many.
+        seconds: longest examination [s].
+        seed: of the patients.
+        backend: what steps them, linear or linear-gpu.
+        progress: told how many examinations are done, of how many, and a note.
+    """
+    designs = prepare_folder(folder / "designs").resolve()
+    files = {what: str(save_design(design, designs / f"{design.name}.toml")) for what, design in scopes().items()}
+    study = cohort_study("full", devices=tuple(files.values()), patients=patients, seconds=seconds, seed=seed)
+    store = prepare_folder(folder / "store")
+    own = {"resume": (store / FILE).exists(), "tables": False, "progress": progress}
+    run_sweep(study, store, Computing(backend=backend, workers=cores()), **own)
+    with read_store(store) as read:
+        jobs = [job for job in read.rows() if job["state"] == "finished"]
+    seen = {
+        what: {job["design"]: job["scores"] for job in jobs if job["conditions"]["device"] == file}
+        for what, file in files.items()
+    }
+    return [_row(what, scores, seen[STANDARD]) for what, scores in seen.items()]
+
+
+def _row(what: str, rows: Mapping[int, Mapping], standard: Mapping[int, Mapping]) -> dict[str, Any]:
+    both = sorted(set(rows) & set(standard))
+    more = np.array([rows[one]["caecum"] - standard[one]["caecum"] for one in both], float)
+    low, high = mean_interval(more)
+    inside = [row["inserted_m"] for row in rows.values() if row["caecum"]]
+    return {
+        "scope": what,
+        "patients": len(both),
+        "caecum": float(np.mean([row["caecum"] for row in rows.values()])),
+        "more": float(more.mean()),
+        "low": low,
+        "high": high,
+        "inserted_m": float(np.mean(inside)) if inside else None,
+    }
