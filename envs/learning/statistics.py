@@ -1,4 +1,4 @@
-"""How sure a figure from few episodes is."""
+"""How sure a figure from few episodes or patients is."""
 
 import math
 
@@ -23,8 +23,19 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
 
 def bootstrap(values: Float[np.ndarray, "colons episodes"], *, seed: int = 0) -> tuple[float, float]:
     """Interval of the mean, 95 %, drawing whole colons anew: episodes in one colon are alike."""
-    random = np.random.default_rng(seed)
-    means = values.mean(axis=1)
-    drawn = means[random.integers(0, len(means), (_RESAMPLES, len(means)))].mean(axis=1)
-    low, high = np.percentile(drawn, [2.5, 97.5])
+    return mean_interval(values.mean(axis=1), seed=seed)
+
+
+def mean_interval(
+    values: Float[np.ndarray, " units"], *, resamples: int = _RESAMPLES, seed: int = 0
+) -> tuple[float, float]:
+    """Interval of the mean, 95 %, by percentile bootstrap: what is drawn anew are units that are independent.
+
+    Args:
+        values: one a colon, or one a patient.
+        resamples: how often they are drawn anew.
+        seed: of what is drawn.
+    """
+    drawn = np.random.default_rng(seed).integers(0, len(values), (resamples, len(values)))
+    low, high = np.percentile(values[drawn].mean(axis=1), [2.5, 97.5])
     return float(low), float(high)

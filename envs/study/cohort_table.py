@@ -1,7 +1,7 @@
 """A cohort against what published colonoscopies showed: one row an observable, with interval, band and verdict."""
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from itertools import pairwise
@@ -79,12 +79,19 @@ def published() -> tuple[Published, ...]:
 
 def rows_of(store: SweepStore, *, driver: str | None = None, device: str | None = None) -> list[Row]:
     """Scores of a store's finished patients, of one driver and device where they are named."""
+    return [job["scores"] for job in _finished(store, driver, device)]
+
+
+def by_patient(store: SweepStore, *, driver: str | None = None, device: str | None = None) -> dict[int, Row]:
+    """The same by the patient's number, where one driver has examined each with one device."""
+    return {job["design"]: job["scores"] for job in _finished(store, driver, device)}
+
+
+def _finished(store: SweepStore, driver: str | None, device: str | None) -> Iterator[Mapping[str, Any]]:
     asked = {name: value for name, value in (("driver", driver), ("device", device)) if value is not None}
-    return [
-        job["scores"]
-        for job in store.rows()
-        if job["state"] == "finished" and all(job["conditions"][name] == value for name, value in asked.items())
-    ]
+    for job in store.rows():
+        if job["state"] == "finished" and all(job["conditions"][name] == value for name, value in asked.items()):
+            yield job
 
 
 def observables(rows: Sequence[Row], *, seed: int = 0) -> list[Observable]:

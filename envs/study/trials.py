@@ -20,10 +20,10 @@ from threading import Event
 from typing import Any, Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from haustra.assets import asset, assets
 from haustra.children import cores
+from haustra.envs.learning.statistics import mean_interval
 from haustra.envs.study.run import Computing, run_sweep
 from haustra.envs.study.store import read_store
 from haustra.envs.study.study import Sampler, Study
@@ -38,7 +38,8 @@ LEAST_PATIENTS = 3
 """An effect of fewer patients is not told; engineering choice."""
 LEAST_REACHED = 0.5
 """Share of insertions that must reach the caecum for an equality to count [1]; engineering choice."""
-_RESAMPLES = 4000
+RESAMPLES = 4000
+"""Resamples of patients for intervals; engineering choice."""
 _CORES = 2
 """Cores for each of the arms that are examined at the same time: two dozen patients fill no more."""
 _CAECUM, _TIME, _DESCENDING_TIME = "caecum", "time_s", "descending_s"
@@ -283,8 +284,10 @@ def run_trials(
 
 def _finished(folder: Path, study: Study) -> dict[int, Mapping[str, Any]]:
     """Scores of an arm's patients who were examined to an end, by number."""
+    from haustra.envs.study.cohort_table import by_patient
+
     with read_store(folder / ARMS / study.hash) as store:
-        return {row["design"]: row["scores"] for row in store.rows() if row["state"] == "finished"}
+        return by_patient(store)
 
 
 def answered(name: str, trial: Trial, arms: Sequence[Mapping[int, Mapping[str, Any]]], *, seconds: float) -> Answer:
@@ -296,7 +299,7 @@ def answered(name: str, trial: Trial, arms: Sequence[Mapping[int, Mapping[str, A
     values = [np.array([each[patient] for patient in both], float) for each in told]
     examined = set(arms[0]) & set(arms[1])
     reached = [float(np.mean([arm[patient][_CAECUM] for patient in examined])) for arm in arms]
-    low, high = mean_interval(values[0] - values[1])
+    low, high = mean_interval(values[0] - values[1], resamples=RESAMPLES)
     first, second = (float(each.mean()) for each in values)
     came = np.array([all(arm[patient][_CAECUM] for arm in arms) for patient in both])
     arrived = float((values[0] - values[1])[came].mean()) if came.sum() >= LEAST_PATIENTS else None
@@ -317,10 +320,3 @@ def _of_patient(endpoint: Endpoint, scores: Mapping[str, Any], seconds: float) -
         return time
     begun = scores[_DESCENDING_TIME]
     return None if begun is None or begun > seconds else time - float(begun)
-
-
-def mean_interval(differences: Float[np.ndarray, " patients"]) -> tuple[float, float]:
-    """95 % interval of the mean of something that patients differ in, patients resampled."""
-    drawn = np.random.default_rng(0).integers(0, len(differences), (_RESAMPLES, len(differences)))
-    low, high = np.percentile(differences[drawn].mean(axis=1), [2.5, 97.5])
-    return float(low), float(high)

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.children import cores
+from haustra.envs.learning.statistics import mean_interval
 from haustra.envs.study.credibility import Comparison
 from haustra.envs.study.run import Computing, run_sweep
 from haustra.envs.study.sampling import at_quantiles
@@ -25,7 +26,6 @@ from haustra.errors import InvalidStudyError
 
 LEAST_PAIRS = 4
 """Fewer pairs tell of no spread; engineering choice."""
-_RESAMPLES = 2000
 _REACHED = "caecum"
 """Score that must be equal in a pair."""
 
@@ -190,7 +190,7 @@ def split(asked: Comparison, rows: Sequence[Mapping[str, Any]], half: Sequence[M
         raise InvalidStudyError(
             f"Only {int(there.sum())} of {there.size} pairs have equal caecal intubation: ask for more patients."
         )
-    low, high = _interval(difference, asked.seed)
+    low, high = mean_interval(_rows(difference), seed=asked.seed)
     patients, parameters, rest = _components(difference)
     finer = _pairs(asked, half, asked.drivers[0], (asked.patients, 1))
     change = (finer[0] - finer[1])[:, 0] - difference[:, 0]
@@ -236,14 +236,6 @@ def _mean_of_patients(difference: Float[np.ndarray, "patients draws"]) -> float:
 def _rows(difference: np.ndarray) -> np.ndarray:
     """Mean of each patient who has any pair."""
     return np.array([row[np.isfinite(row)].mean() for row in difference if np.isfinite(row).any()])
-
-
-def _interval(difference: np.ndarray, seed: int) -> tuple[float, float]:
-    """95 % interval of the mean, patients resampled."""
-    means = _rows(difference)
-    drawn = np.random.default_rng(seed).integers(0, len(means), (_RESAMPLES, len(means)))
-    low, high = np.percentile(means[drawn].mean(axis=1), [2.5, 97.5])
-    return float(low), float(high)
 
 
 def _components(difference: np.ndarray) -> tuple[float | None, float | None, float | None]:

@@ -13,8 +13,8 @@ from haustra.children import cores
 from haustra.envs.study.cohort import cohort_study
 from haustra.envs.study.cohort_table import Observable, observables, published, rows_of, verdicts
 from haustra.envs.study.run import Computing, run_sweep
-from haustra.envs.study.store import FILE, read_store
-from haustra.files import prepare_folder, write_atomically
+from haustra.envs.study.store import read_store
+from haustra.files import write_atomically
 
 LAW = "endoscopist"
 
@@ -53,14 +53,13 @@ def bench_drivers(
         backend: what steps them, linear or linear-gpu.
         progress: told (done, note, total).
     """
-    prepare_folder(folder)
     drivers = tuple(map(str, files))
     study = cohort_study("quick", drivers=drivers, patients=patients, seconds=seconds, seed=seed)
     run_sweep(
         study,
         folder,
         Computing(backend=backend, workers=cores()),
-        resume=(folder / FILE).exists(),
+        resume=True,
         tables=False,
         progress=lambda done, total, note: progress(done, note, total),
     )

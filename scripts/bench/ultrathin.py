@@ -9,10 +9,12 @@ import numpy as np
 
 from haustra.assets import asset
 from haustra.children import cores
+from haustra.envs.learning.statistics import mean_interval
 from haustra.envs.study.cohort import cohort_study
+from haustra.envs.study.cohort_table import Row, by_patient
 from haustra.envs.study.run import Computing, run_sweep
-from haustra.envs.study.store import FILE, read_store
-from haustra.envs.study.trials import mean_interval
+from haustra.envs.study.store import read_store
+from haustra.envs.study.trials import RESAMPLES
 from haustra.files import prepare_folder
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.files import load_design, save_design
@@ -70,22 +72,18 @@ def bench_ultrathin(
     designs = prepare_folder(folder / "designs").resolve()
     files = {what: str(save_design(design, designs / f"{design.name}.toml")) for what, design in scopes().items()}
     study = cohort_study("full", devices=tuple(files.values()), patients=patients, seconds=seconds, seed=seed)
-    store = prepare_folder(folder / "store")
-    own = {"resume": (store / FILE).exists(), "tables": False, "progress": progress}
-    run_sweep(study, store, Computing(backend=backend, workers=cores()), **own)
+    store = folder / "store"
+    computing = Computing(backend=backend, workers=cores())
+    run_sweep(study, store, computing, resume=True, tables=False, progress=progress)
     with read_store(store) as read:
-        jobs = [job for job in read.rows() if job["state"] == "finished"]
-    seen = {
-        what: {job["design"]: job["scores"] for job in jobs if job["conditions"]["device"] == file}
-        for what, file in files.items()
-    }
+        seen = {what: by_patient(read, device=file) for what, file in files.items()}
     return [_row(what, scores, seen[STANDARD]) for what, scores in seen.items()]
 
 
-def _row(what: str, rows: Mapping[int, Mapping], standard: Mapping[int, Mapping]) -> dict[str, Any]:
+def _row(what: str, rows: Mapping[int, Row], standard: Mapping[int, Row]) -> dict[str, Any]:
     both = sorted(set(rows) & set(standard))
     more = np.array([rows[one]["caecum"] - standard[one]["caecum"] for one in both], float)
-    low, high = mean_interval(more)
+    low, high = mean_interval(more, resamples=RESAMPLES)
     inside = [row["inserted_m"] for row in rows.values() if row["caecum"]]
     return {
         "scope": what,
