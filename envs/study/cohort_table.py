@@ -83,7 +83,7 @@ def rows_of(store: SweepStore, *, driver: str | None = None, device: str | None 
 
 
 def by_patient(store: SweepStore, *, driver: str | None = None, device: str | None = None) -> dict[int, Row]:
-    """The same by the patient's number, where one driver has examined each with one device."""
+    """Scores of a store's finished patients by number, where one driver has examined each with one device."""
     return {job["design"]: job["scores"] for job in _finished(store, driver, device)}
 
 
