@@ -265,13 +265,18 @@ class ScopeVehicle(Vehicle):
         if (asked := self._asked_of_assistant()) != before:
             self._assist_as(ASSISTANT[asked])
         up, left = self._follower.asked / self._bend
-        values = {"push": inputs.push_rate, "roll": inputs.roll_rate, "up": up, "left": left}
+        values = {"push": inputs.push_rate, "roll": inputs.roll_rate, "up": up, "left": left, "gas": -self._sucks()}
         return np.array([one.limited(float(values.get(one.name, 0.0))) for one in self.levers])
 
     def _asked_of_assistant(self) -> int:
         """Place in `ASSISTANT` of what the driver asks for; the first where it asks for nothing."""
         memory = self._follower.memory
         return int(memory.assist[0]) if isinstance(memory, Memory) else 0
+
+    def _sucks(self) -> float:
+        """Whether the driver sucks gas out [1]."""
+        memory = self._follower.memory
+        return float(memory.sucks[0]) if isinstance(memory, Memory) else 0.0
 
     def _assist_as(self, abdomen: Abdomen) -> None:
         """Turn the patient and press on the belly."""

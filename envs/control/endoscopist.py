@@ -11,12 +11,15 @@ by how much lumen has passed since. What it does is one of a few small manoeuvre
   lumen slips away or the pull gets strong; after every stretch of new colon, and whenever shaft goes in that the tip
   does not make good, which is how a loop feels. A loop that comes again is left deeper each time;
 - **jiggle**: short strokes in and out, which pleat the colon onto the shaft;
-- **rest**: a while without any motion after each manoeuvre, in which one looks, lets gas in or out, and breathes;
+- **rest**: a while without any motion after each manoeuvre, in which one looks and breathes;
+- **suck gas out**, where its settings have it so, after some attempts in vain until new colon is seen: a colon without
+  gas is shorter. Textbooks ask for it often, at the flexures above all;
 - **ask the assistant**: a hand on the belly, and then other postures, one after the other, when attempts have failed;
 - **give up**: after many attempts in vain the insertion is over.
 
 Its rules are one function of (xp, …), as the follower's, for any number of worlds in numpy, JAX and programs of linear
-time. What the assistant does is a number in its memory, which who steps the colon must honour (`ASSISTANT`).
+time. What the assistant does, and whether gas is sucked out, are numbers in its memory, which who steps the colon must
+honour (`ASSISTANT`, `Memory.sucks`).
 """
 
 import math
@@ -111,6 +114,10 @@ class EndoscopistSettings:
     """Attempts without new colon after which it gives up, which ends the insertion: above clinics' medians of 7 to 10
     in all, where they go up to 80 (Shah 2000); pain and looping end one insertion in twenty to ten there (Thieme
     a-0574-2478)."""
+    suck_after: float = number("1", 0.0, 1e3, default=1e3)
+    """Attempts without new colon after which it sucks gas out instead of letting it in; more than `most_attempts`, as
+    usual: never. Textbooks have it sucked out often (Cotton and Williams, Practical Gastrointestinal Endoscopy); who
+    does from the first attempt on reaches more caeca than clinics do."""
     rest: float = number("s", 0.0, 600.0, default=3.0)
     """Rest after each manoeuvre [s]."""
     jiggle: float = number("m", 0.0, 0.2, default=0.015)
@@ -166,9 +173,11 @@ class Memory(NamedTuple):
     """Angle to which it turns the handle [rad]."""
     assist: Float[Any, "*worlds"]
     """What the assistant does: a place in `ASSISTANT`."""
+    sucks: Float[Any, "*worlds"]
+    """Whether it sucks gas out of the colon, instead of letting it in: 1 or 0."""
 
 
-FIRST_MEMORY = Memory(0.0, 0.0, 0.0, _ADVANCE, 0.0, _NEVER, _NEVER, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+FIRST_MEMORY = Memory(0.0, 0.0, 0.0, _ADVANCE, 0.0, _NEVER, _NEVER, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """Memory of an endoscopist who has seen nothing yet."""
 
 
@@ -244,6 +253,7 @@ def rules(
     turn = own.twist * xp.where(odd == 1.0, -1.0, 1.0)
     roll_goal = xp.where(leaves_off & ~jiggles, turn, xp.where(rested & (attempts == 0), 0.0, memory.roll_goal))
     assist = attempts - len(ASSISTANT) * xp.floor(attempts / len(ASSISTANT))
+    sucks = xp.where(attempts >= own.suck_after, 1.0, 0.0)
     # How the hand moves: the longer no lumen passes, the firmer it pushes.
     firmly = own.firmer * xp.maximum(time - moved - own.calm, 0.0)
     limit = xp.minimum(own.gentle_force + firmly, own.firm_force)
@@ -263,7 +273,7 @@ def rules(
     turning = xp.clip(3 * (1 - xp.abs(sensed.torque) / own.torque_limit), 0.0, 1.0)
     roll_rate = turning * xp.clip((turned - sensed.roll) / interval, -own.roll_rate, own.roll_rate)
     decision = Decision(push_rate=rate, roll_rate=roll_rate, pulls=pulls_for(xp, steering, up, left))
-    kept = Memory(up, left, attempts, mode, since, best, held, moved, mark, begun, straight, roll_goal, assist)
+    kept = Memory(up, left, attempts, mode, since, best, held, moved, mark, begun, straight, roll_goal, assist, sucks)
     return decision, kept
 
 

@@ -19,6 +19,7 @@ from haustra.models.gas.compartments import (
     filling,
     gas_volumes,
     opened_at,
+    pressure_lost,
     segment_volumes,
     step_gas,
     typical_colon,
@@ -39,6 +40,8 @@ INTERVAL = 0.1
 
 _MOMENTARY = ("_sought", "_moved", "pressure_peak", "_due", "_tip", "_case", "asked", "pouring", "tissue_stiffness")
 """What of worlds' gas changes; each value is replaced, never written into."""
+_TOLD = len(SEGMENTS) + 2
+"""Numbers of a world that a step tells behind its state."""
 _STEPPED = ("flow", "place", "timestep", "pour")
 """What a step of the gas is given, as `step_gas` names it."""
 
@@ -75,8 +78,10 @@ class _Lumens(NamedTuple):
     """What gas finds in colons as they were given; leading axis: colons."""
 
     person: GasColon
+    full: Float[np.ndarray, " colons"]
+    """Pressure at which they were so [Pa]."""
     given: Float[np.ndarray, "colons segments"]
-    """Filling of each segment, as `filling` counts it [1]."""
+    """Filling of each segment then, as `filling` counts it [1]."""
     radius: Float[np.ndarray, "colons segments"]
     """Mean radius of each segment [m]."""
     step: Float[np.ndarray, " colons"]
@@ -142,12 +147,12 @@ class GasWorlds:
         """Numbers of `GasRecord` of the first world after every advance; None: nobody keeps them."""
         for colon in colons if self._water else ():
             require_room(colon, self._water)
-        everyone, own = np.arange(worlds), [*self._lumens.person, self._lumens.given]
+        everyone, own = np.arange(worlds), [*self._lumens.person, self._lumens.full, self._lumens.given]
         self._persons: Float[np.ndarray, "colons numbers"] = _beside(own)
         state = self._begun(everyone)
         sizes, changing = tuple(map(_size, own)), tuple(map(_size, state))
         self._law, self._columns = row_law(_moved_on, (*sizes, *changing, *[None] * len(_STEPPED))), _columns(changing)
-        self._moved: Float[np.ndarray, "worlds told"] = _beside([*state, np.ones((worlds, len(SEGMENTS) + 1))])
+        self._moved: Float[np.ndarray, "worlds told"] = _beside([*state, np.ones((worlds, _TOLD))])
         self.begin(everyone, self._case, self.tissue_stiffness)
 
     def begin(
@@ -178,7 +183,7 @@ class GasWorlds:
         self._due, self._sought = self._due + seconds, self._sought + self.asked * seconds
         moving = np.flatnonzero(self._due > INTERVAL * (1 - 1e-9))
         if len(moving):
-            self._step(moving, tip_arc[moving], self._moved[moving, : -len(SEGMENTS) - 1])
+            self._step(moving, tip_arc[moving], self._moved[moving, :-_TOLD])
         if self.rows is not None:
             given, water = float(self.state.given[0]), float(self.water[0].sum())
             self.rows.append((self.pressure[0], self.volume[0], given, water, self._share[0].copy()))
@@ -219,12 +224,12 @@ class GasWorlds:
     @property
     def volume(self) -> Float[np.ndarray, " worlds"]:
         """Volume of each colon's gas now [m^3]."""
-        return self._moved[:, -1]
+        return self._moved[:, -2]
 
     @property
     def _share(self) -> Float[np.ndarray, "worlds segments"]:
         """Radius of each segment over that of the colon as it was given [1]."""
-        return self._moved[:, -len(SEGMENTS) - 1 : -1]
+        return self._moved[:, -_TOLD:-2]
 
     def _apart(self, rows: Float[np.ndarray, "some numbers"]) -> GasState:
         """The state that rows begin with."""
@@ -236,6 +241,10 @@ class GasWorlds:
         radius = self._lumens.radius[case, tip] * self._share[worlds, tip]
         tension = wall_tension(np.maximum(self.state.pressure[worlds, tip], 0.0), radius)
         return self.tissue_stiffness[worlds] + tension_stiffness(np, tension, radius, self._device[case])
+
+    def pressure_lost(self, worlds: Int[np.ndarray, " some"]) -> Float[np.ndarray, " some"]:
+        """How much less gas thrusts the ends of colons apart than when they were imaged, over their area then [Pa]."""
+        return self._moved[worlds, -1]
 
     def widths(self, worlds: Int[np.ndarray, " some"]) -> Float[np.ndarray, "some stations"]:
         """Width of the lumen at each station of the table, over that of the colon as it was given [1]."""
@@ -317,6 +326,11 @@ class RunGas:
     def stiffness(self) -> float:
         """Stiffness of a contact with the wall: the tissue's, and its tension's in the segment of the tip [N/m]."""
         return float(self.worlds.stiffness(_ONLY)[0])
+
+    @property
+    def pressure_lost(self) -> float:
+        """How much less gas thrusts the colon's ends apart than when it was imaged, over its area then [Pa]."""
+        return float(self.worlds.pressure_lost(_ONLY)[0])
 
     @property
     def widths(self) -> Float[np.ndarray, " stations"]:
@@ -418,12 +432,14 @@ def gas_pressures(
 
 
 def _moved_on(xp: Any, *given: Any) -> tuple[Any, ...]:
-    """The state after a step, how wide each segment is then, and what the colon holds; compiled."""
-    person, (full, *begun) = GasColon(*given[: len(GasColon._fields)]), given[len(GasColon._fields) :]
+    """The state after a step, how wide each segment is then, what the colon holds and has lost; compiled."""
+    person, (full, whole, *begun) = GasColon(*given[: len(GasColon._fields)]), given[len(GasColon._fields) :]
     state, inputs = begun[: len(GasState._fields)], dict(zip(_STEPPED, begun[len(GasState._fields) :], strict=True))
     state = step_gas(xp, person, GasState(*state), **inputs)
-    share = xp.sqrt(filling(xp, person, state.pressure[..., :-1]) / full)
-    return *state, share, gas_volumes(xp, person, state).sum(-1)
+    pressure = state.pressure[..., :-1]
+    share = xp.sqrt(filling(xp, person, pressure) / whole)
+    lost = pressure_lost(xp, person, pressure, full=full[..., None])
+    return *state, share, gas_volumes(xp, person, state).sum(-1), lost
 
 
 def _size(part: np.ndarray) -> Size:
@@ -493,7 +509,7 @@ def _lumen_of(colon: Colon, stations: int, most: int, width: np.ndarray) -> tupl
     behind = (0, most - stations)
     number, weights = np.pad(number, behind, mode="edge"), np.pad(weights, (behind, (0, 0)))
     places = arcs[wide.argmax(axis=0)], arcs[inside.argmax(axis=0)]
-    return person, given, radius, arcs[1], number, weights, wide.max(axis=0), *places
+    return person, pressure, given, radius, arcs[1], number, weights, wide.max(axis=0), *places
 
 
 def _numbers(names: list[str]) -> Int[np.ndarray, " stations"]:

@@ -163,6 +163,7 @@ class NativeEngine:
                 self._placed = widths
             if self._weight:
                 self._wall.weigh(self._weight.loads(_ONLY, self.gas.water[None])[0])
+            self._wall.lose_pressure(self.gas.pressure_lost)
             self._wall.set_stiffness(self.gas.stiffness)
             self._stiffness[:] = self.gas.stiffness
 

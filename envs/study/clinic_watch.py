@@ -8,16 +8,19 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from haustra.envs.control.endoscopist import Memory
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.insertion_program import TOLD
 from haustra.envs.runs.measure.loops import LoopKind
 from haustra.envs.sim.chain import pose
 from haustra.envs.sim.scope_reading import read_chain, read_scope
+from haustra.envs.study.clinic_gas import PatientsGas
 from haustra.envs.study.clinic_loops import Seen, all_loops
 from haustra.envs.study.clinic_pain import PainWatch
 from haustra.envs.study.patients import Patient, clinic_number, numbers
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.landmarks import SEGMENTS
+from haustra.models.gas.numbers import gas_numbers
 
 if TYPE_CHECKING:
     from haustra.envs.runs.linear_insertions import LinearInsertions
@@ -67,6 +70,7 @@ class ClinicWatch:
         self._loop_times: list[Float[np.ndarray, " worlds"]] = []
         self._loads: list[Float[np.ndarray, "2 worlds"]] = []
         self._assist = np.zeros(worlds)
+        self._gas = PatientsGas(colons)
         self._pain = PainWatch(
             patients,
             colons,
@@ -88,14 +92,18 @@ class ClinicWatch:
         self._help()
 
     def _help(self) -> None:
-        """Give each patient the abdomen that its driver asks for."""
+        """Give each patient the abdomen that its driver asks for, and the gas that it leaves."""
         backend, program = self._batch.backend, self._batch.program
         memory = program.memory_of(self._batch.driver_numbers())
-        asked = getattr(memory, "assist", None)
-        if asked is None or (asked == self._assist).all():
+        if not isinstance(memory, Memory):
             return
-        self._assist = asked.copy()
-        backend.hang(asked.astype(int))
+        if backend.gas is None:
+            backend.give("pressure_lost", self._gas(memory.sucks > 0, SECONDS))
+        else:
+            backend.gas.asked = np.where(memory.sucks > 0, -gas_numbers()["suction"], np.nan)
+        if (memory.assist != self._assist).any():
+            self._assist = memory.assist.copy()
+            backend.hang(self._assist.astype(int))
 
     def _look_at_shapes(self, seen: Any) -> None:
         """Keep the scopes' shapes, whose loops are named at the end."""

@@ -122,6 +122,22 @@ def lumen_volumes(xp: Any, colon: GasColon, pressure: Any) -> Float[Any, "... se
     return colon.most * _share(xp, colon, pressure)
 
 
+def pressure_lost(xp: Any, colon: GasColon, pressure: Any, *, full: Any) -> Float[Any, "..."]:
+    """How much less its gas thrusts a colon's ends apart than it did at the pressure `full`, over its area then [Pa].
+
+    Gas of pressure p thrusts the ends of a tube of cross-section A apart by p A; what a colon has lost of that draws it
+    together (`haustra.models.wall.moving_colon.gas_thrust`). The mean over segments, by their volumes.
+
+    Args:
+        xp: numpy, jax.numpy, or what a program offers in their place.
+        colon: whose.
+        pressure: of each segment, or of all, over that of the atmosphere [Pa].
+        full: pressure of all segments at which the colon was in balance [Pa].
+    """
+    whole, now = lumen_volumes(xp, colon, full), lumen_volumes(xp, colon, pressure)
+    return (full * whole - pressure * now).sum(-1) / whole.sum(-1)
+
+
 def gas_volumes(xp: Any, colon: GasColon, state: GasState) -> Float[Any, "... segments"]:
     """Volume of the gas in each segment now [m^3]."""
     return lumen_volumes(xp, colon, state.pressure[..., :-1]) - state.water

@@ -38,6 +38,7 @@ from haustra.models.wall.moving_colon import (
     bend_stiffness,
     edge_resistance,
     edge_tension,
+    gas_thrust,
     grip_resistance,
     hold_force,
     lean_grip,
@@ -1055,6 +1056,9 @@ def _add_springs(
     for i in range(last):
         unit, length = _node(shape.units, world, i), shape.lengths[world, i]
         tension = edge_tension(np, length, own.lengths[world, i], own.tension[world, i], own.pleating[world])
+        tension += gas_thrust(
+            np, own.pressure_lost[world], own.drag[world, i], own.turn_drag[world, i], own.tension[world, i]
+        )
         pull = minus(
             times(tension - shortening[i] + opening[i], unit), unit_rate(unit, length, _node(over_units, 0, i))
         )

@@ -95,6 +95,9 @@ class Mesentery(NamedTuple):
     """Stiffness of loops against each other, for a node [N/m]: one number, or one a colon; 0 if they do not touch."""
     pleating: Any
     """Stiffness in compression over that in tension [1]: one number, or one a colon."""
+    pressure_lost: Any
+    """Pressure of gas that has been lost since the colon was imaged (`moving_colon.gas_thrust`) [Pa]: one number, or
+    one a colon."""
     spacing: Any
     """Arc length between nodes [m]: one number, or one a colon."""
 
@@ -210,6 +213,7 @@ def hang(
         girth=girths(nodes, outer, spacing) if around.loops_touch else outer,
         touch=np.float64(numbers["mesentery.touch"] * spacing * around.loops_touch),
         pleating=np.float64(numbers["mesentery.pleating"]),
+        pressure_lost=np.float64(0.0),
         spacing=np.float64(spacing),
     )
 

@@ -10,6 +10,7 @@ or point with `haustra.models.wall.vectors`: arrays of them are stepped here, in
 `haustra.models.wall.compiled`.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
@@ -123,6 +124,22 @@ def edge_tension(xp: Any, length: Any, rest: Any, tension: Any, pleating: Any) -
     stiffness = where(xp, strain > 0, tension, tension * pleating)
     left = xp.minimum(length / (SHORTEST * rest), 1.0)
     return stiffness * strain + tension / (3 * SHORTEST) * (left - 1 / (left * left))
+
+
+def gas_thrust(xp: Any, lost: Any, drag: Any, turn_drag: Any, tension: Any) -> Any:
+    """Force in an edge for the gas that a colon has lost since it was imaged [N]: that much less holds it apart.
+
+    Gas of pressure p thrusts the ends of a tube of cross-section A apart by p A, which the wall bears: imaged in
+    balance, the colon has lost that. By virtual work: shorter by dL, it gives back p A dL less.
+
+    Args:
+        xp: numpy or jax.numpy.
+        lost: what p A has lost, over A as it was imaged [Pa].
+        drag: damping of the node before the edge [N s/m].
+        turn_drag: the same of its turning, which knows the radius (`haustra.models.wall.threads.lumen_radius`) [N m s].
+        tension: EA of the edge [N]; 0 of one that is no colon.
+    """
+    return where(xp, tension > 0, lost * math.pi * turn_drag / drag, 0.0)
 
 
 def edge_stiffness(xp: Any, length: Any, rest: Any, tension: Any) -> Any:
@@ -316,6 +333,7 @@ def node_cell(xp: Any, spacing: Any, nodes: Any, arc: Any) -> tuple[Any, Any]:
 
 PARTS = (
     edge_tension,
+    gas_thrust,
     edge_stiffness,
     bend_gradient,
     bend_stiffness,
@@ -682,10 +700,15 @@ def _forces(
     over_units = vectors.of(work[:, 1:] + work[:, :-1] + bend[:, 1:] - bend[:, :-1])
     units = vectors.of(shape.units)
     tension = edge_tension(xp, shape.lengths, own.lengths, own.tension, own.pleating[:, None])
-    tension = tension - shortening + _onto_edges(xp, packed.tension)
+    tension = tension + _gas_thrusts(xp, own) - shortening + _onto_edges(xp, packed.tension)
     pull = stacked(xp, minus(times(tension, units), unit_rate(units, shape.lengths, over_units)))
     held = stacked(xp, add(hold_force(xp, around.hung, own.slack, own.hold, own.support), around.force))
     return held + own.load + _from_edges(xp, pull), turning, shape, packed
+
+
+def _gas_thrusts(xp: Any, own: Mesentery) -> Array:
+    """`gas_thrust` of all edges (worlds, nodes - 1) [N]."""
+    return gas_thrust(xp, own.pressure_lost[:, None], own.drag[:, :-1], own.turn_drag[:, :-1], own.tension)
 
 
 def _packed(xp: Any, own: Mesentery, shape: AxisShape) -> PackedBend:
@@ -767,6 +790,7 @@ def energy(xp: Any, own: Mesentery, pose: Array, time: Array | None = None, foun
     along = 0.5 * tension * own.lengths * strain**2
     left = xp.minimum(shape.lengths / (SHORTEST * own.lengths), 1.0)
     along = along + own.tension * own.lengths / 3 * (0.5 * left**2 + 1 / left - 1.5)
+    along = along + _gas_thrusts(xp, own) * shape.lengths
     change = norm(xp, vectors.of(shape.units[:, 1:] - shape.units[:, :-1]))
     bent = own.bending[:, 1:-1] * _bend_energy(xp, change, own.turns[:, 1:-1])
     bent = bent + packed_energy(

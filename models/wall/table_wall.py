@@ -98,6 +98,11 @@ class TableWalls:
         if self._own is not None and hung is not None:
             self._own.load[:] = hung.load[self.colon] + more
 
+    def lose_pressure(self, lost: Float[np.ndarray, " worlds"]) -> None:
+        """Let gas thrust colons' ends apart by so much less than when they were imaged, over their area then [Pa]."""
+        if self._own is not None:
+            self._own.pressure_lost[:] = lost
+
     def look(self, worlds: Int[np.ndarray, " some"], points: Float[np.ndarray, "worlds spheres 3"]) -> None:
         """Find the wall next to the spheres of these worlds [m]."""
         found = self.arcs, self.depth, self.inwards
@@ -341,6 +346,10 @@ class TableWall:
     def table(self) -> Float[np.ndarray, "stations angles 4"]:
         """The wall that spheres are looked up in, to be written to (`Tables.wall`)."""
         return self._walls.table
+
+    def lose_pressure(self, lost: float) -> None:
+        """Let gas thrust the colon's ends apart by so much less than when it was imaged, over its area then [Pa]."""
+        self._walls.lose_pressure(np.array([lost]))
 
     def weigh(self, more: Float[np.ndarray, "nodes 3"]) -> None:
         """Let so much weigh on the nodes of the colon's axis besides what its mesentery says [N]."""

@@ -1,4 +1,7 @@
-"""What keeps an ultrathin scope from the caecum: scopes that differ from it in one thing, each in the same patients."""
+"""What keeps an ultrathin scope from the caecum: scopes that differ from it in one thing, each in the same patients.
+
+Each is driven by an endoscopist who leaves gas in the colon, and by one who sucks it out.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -15,7 +18,7 @@ from haustra.envs.study.cohort_table import Row, by_patient
 from haustra.envs.study.run import Computing, run_sweep
 from haustra.envs.study.store import read_store
 from haustra.envs.study.trials import RESAMPLES
-from haustra.files import prepare_folder
+from haustra.files import prepare_folder, write_atomically
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.files import load_design, save_design
 from haustra.models.devices.scope.library import named_design
@@ -59,7 +62,9 @@ def bench_ultrathin(
     backend: str,
     progress: Callable[[int, int, str], None] = lambda done, total, note: None,
 ) -> list[dict[str, Any]]:
-    """Examine the same patients with every scope: how many caeca each reaches, and how many more than the standard one.
+    """Examine the same patients with every scope, with and without suction.
+
+    Tells how many caeca are reached, and how many more than with the standard scope and the same endoscopist.
 
     Args:
         folder: for designs and store; a store that is there goes on.
@@ -71,24 +76,42 @@ def bench_ultrathin(
     """
     designs = prepare_folder(folder / "designs").resolve()
     files = {what: str(save_design(design, designs / f"{design.name}.toml")) for what, design in scopes().items()}
-    study = cohort_study("full", devices=tuple(files.values()), patients=patients, seconds=seconds, seed=seed)
+    sucks = str(sucking_driver(designs / "suction.toml"))
+    drivers = {"endoscopist": "caecum", sucks: "caecum_with_suction"}
+    about: dict[str, Any] = {"patients": patients, "seconds": seconds, "seed": seed}
+    study = cohort_study("full", drivers=tuple(drivers), devices=tuple(files.values()), **about)
     store = folder / "store"
     computing = Computing(backend=backend, workers=cores())
     run_sweep(study, store, computing, resume=True, tables=False, progress=progress)
     with read_store(store) as read:
-        seen = {what: by_patient(read, device=file) for what, file in files.items()}
-    return [_row(what, scores, seen[STANDARD]) for what, scores in seen.items()]
+        seen = {
+            driver: {what: by_patient(read, driver=driver, device=file) for what, file in files.items()}
+            for driver in drivers
+        }
+    return [
+        {
+            "scope": what,
+            **{name: _caeca(seen[driver][what], seen[driver][STANDARD]) for driver, name in drivers.items()},
+        }
+        for what in files
+    ]
 
 
-def _row(what: str, rows: Mapping[int, Row], standard: Mapping[int, Row]) -> dict[str, Any]:
+def sucking_driver(path: Path) -> Path:
+    """A file of an endoscopist who sucks gas out from the first attempt in vain on."""
+    write_atomically(path, lambda temporary: temporary.write_text('law = "endoscopist"\nsuck_after = 1\n', "utf-8"))
+    return path
+
+
+def _caeca(rows: Mapping[int, Row], standard: Mapping[int, Row]) -> dict[str, Any]:
+    """How many caeca a scope reached, how many more than the standard one, and with how much shaft inside."""
     both = sorted(set(rows) & set(standard))
     more = np.array([rows[one]["caecum"] - standard[one]["caecum"] for one in both], float)
     low, high = mean_interval(more, resamples=RESAMPLES)
     inside = [row["inserted_m"] for row in rows.values() if row["caecum"]]
     return {
-        "scope": what,
         "patients": len(both),
-        "caecum": float(np.mean([row["caecum"] for row in rows.values()])),
+        "share": float(np.mean([row["caecum"] for row in rows.values()])),
         "more": float(more.mean()),
         "low": low,
         "high": high,

@@ -18,6 +18,7 @@ from haustra.models.wall.moving_colon import (
     bend_stiffness,
     edge_resistance,
     edge_tension,
+    gas_thrust,
     hold_force,
     lean_resistance,
     node_cell,
@@ -357,6 +358,8 @@ class Axis:
             opened_before, *packed_before = openings(opened, *packed_after)
             rest, tension, torsion, stiffness_before = stiffer(rest, tension, torsion, stiffness)
             pull = edge_tension(xp, length, rest, tension, self._of_world("pleating")) + opened + opened_before
+            drags = self._number(own, "drag"), self._number(own, "turn_drag")
+            pull = pull + gas_thrust(xp, self._of_world("pressure_lost"), *drags, tension)
             pull = pull - shortening
             pull = minus(times(pull, unit), unit_rate(unit, length, over))
             inside = (own.each >= 0) & (own.each < last)

@@ -34,6 +34,9 @@ from haustra.models.wall.lumen_table import Tables, pick
 from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.moving_colon import POSE, AxisDisplacement
 
+_OF_COLON = ("spacing", "pleating", "pressure_lost")
+"""Numbers of a colon that moves which are a world's: by their names in `layout.WORLD` and of its mesentery."""
+
 
 class Row(NamedTuple):
     """Numbers of a world, or of one world at several times."""
@@ -188,6 +191,7 @@ class LinearBackend(AbstractBackend):
         colons = colons or [scene.colon]
         self._world_axes: WorldAxes | None = None
         """What water weighs on, where there may be some: from the beginning, or poured by the hand of one world."""
+        self._wet = False
         if gas and moving is not None and (worlds == 1 or scene.options.water):
             self._world_axes = WorldAxes(moving, self._layout.columns, colons, worlds)
             values["axis"] = self._world_axes.rows
@@ -228,7 +232,7 @@ class LinearBackend(AbstractBackend):
             return values
         self.gas.begin(worlds, case, conditions.wall_stiffness)
         self._yield_to_gas(worlds)
-        return values | {"stiffness": self.gas.stiffness(worlds)}
+        return values | {name: getattr(self.gas, name)(worlds) for name in ("stiffness", "pressure_lost")}
 
     def _begun(self, worlds: np.ndarray, case: np.ndarray, conditions: Conditions) -> dict[str, Any]:
         tables, moving = self.tables, self.tables.mesentery
@@ -237,7 +241,7 @@ class LinearBackend(AbstractBackend):
         values |= {"device_radius": tables.device_radius[case], "bending": conditions.shaft_stiffness, "alive": 1.0}
         values |= {f"gravity_{axis}": gravity[:, i] for i, axis in enumerate("xyz")}
         values |= {"first_node": self._first_node(worlds, case, 0)}
-        values |= {name: 1.0 if moving is None else getattr(moving, name)[case] for name in ("spacing", "pleating")}
+        values |= {name: 1.0 if moving is None else getattr(moving, name)[case] for name in _OF_COLON}
         values |= {"stiffness": conditions.wall_stiffness, "friction": conditions.friction, "begins": 1.0}
         return values | {"start_roll": 0.0 if conditions.roll is None else conditions.roll}
 
@@ -378,7 +382,7 @@ class LinearBackend(AbstractBackend):
         else:
             self._world_axes.rehang(mesentery)
             self._let_water_weigh(np.arange(self.worlds))
-        for name in ("spacing", "pleating"):
+        for name in _OF_COLON:
             self.give(name, getattr(mesentery, name)[self._case])
 
     def tell_driver(self, slot: int, values: Float[np.ndarray, "worlds numbers"]) -> None:
@@ -416,7 +420,8 @@ class LinearBackend(AbstractBackend):
         begun = self._slot(layout.time)
         self._place.run(self._held, counts, self.worlds)
         passed = np.maximum(self._slot(layout.time) - begun, 0.0)  # worlds that begin anew are at nought again
-        self._yield_to_gas(self.gas.advance(self._slot(layout.arcs + layout.spheres), passed))
+        moved = self.gas.advance(self._slot(layout.arcs + layout.spheres), passed)
+        self._yield_to_gas(moved, weigh=self._wet)
 
     def _filled(self, colons: Sequence[Colon], width: Float[np.ndarray, " rows"] | None) -> GasWorlds:
         """Gas in all worlds' colons."""
@@ -430,15 +435,20 @@ class LinearBackend(AbstractBackend):
         about: dict[str, Any] = {"stations": stations.tolist(), "device_radius": radii, "widths": widths}
         return GasWorlds(colons, self.scene.options, worlds=self.worlds, **about)
 
-    def _yield_to_gas(self, worlds: np.ndarray) -> None:
+    def _yield_to_gas(self, worlds: np.ndarray, *, weigh: bool = True) -> None:
         """Put the walls of some worlds where gas and water hold them, as stiff and as heavy as they make them."""
         if self.gas is None or not len(worlds):
             return
         self._held["widths"].change()[:, worlds] = self.gas.widths(worlds).T
-        self._put("worlds", worlds, WORLD.index("stiffness"), self.gas.stiffness(worlds))
-        for name, values in self.gas.burden(worlds)._asdict().items():
-            self._put("worlds", worlds, WORLD.index(name), values)
-        self._let_water_weigh(worlds)
+        told = self.gas.burden(worlds)._asdict()
+        told |= {"stiffness": self.gas.stiffness(worlds), "pressure_lost": self.gas.pressure_lost(worlds)}
+        block, lane = np.divmod(worlds[:, None], self._place.lanes)
+        slots = [WORLD.index(name) for name in told]
+        self._held["worlds"].change()[block, slots, lane] = np.stack(list(told.values()), axis=1)
+        wet = bool(self.gas.water.any())
+        if wet or weigh:
+            self._let_water_weigh(worlds)
+        self._wet = wet
 
     def _let_water_weigh(self, worlds: np.ndarray) -> None:
         """Put the weight of water on the axes of some worlds."""

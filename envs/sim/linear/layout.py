@@ -20,7 +20,7 @@ SCOPE = ("radius", "start", "tip", "pull_limit", "wire_friction", "wire_hysteres
 
 WORLD = ("one", "bending", "tip_bending", "torsion", "stiffness", "damping_time", "friction", "push_limit",
          "torque_limit", "gravity_x", "gravity_y", "gravity_z", "step", "first", "count", "device_radius",
-         "first_node", "spacing", "pleating",
+         "first_node", "spacing", "pleating", "pressure_lost",
          "push_rate", "roll_rate", "up", "left", "down", "right", "alive", "begins", "start_roll",
          "gas_load", "gas_load_arc", "gas_pain", "gas_pain_arc",
          "wall_straight", "wall_bent", "wall_sideways", "wall_fixed", "wall_per_diameter",
@@ -30,8 +30,9 @@ scope is to be laid straight before that, how it is turned then [rad], what gas 
 bears (`haustra.models.injury.perforation.Strength`). Of each wire hands ask a pull [N], or, where wheels steer, how
 much of it is taken up [m]."""
 
-BEGUN = ("step", "first", "count", "device_radius", "first_node", "spacing", "pleating", "gravity_x", "gravity_y",
-         "gravity_z", "bending", "stiffness", "friction", "start_roll", "alive", "begins")  # fmt: skip
+BEGUN = ("step", "first", "count", "device_radius", "first_node", "spacing", "pleating", "pressure_lost",
+         "gravity_x", "gravity_y", "gravity_z", "bending", "stiffness", "friction", "start_roll", "alive",
+         "begins")  # fmt: skip
 """Those of them that a world which begins anew is given."""
 
 AXIS = ("place", "y", "z", "turn", "tangent", "tangent_y", "tangent_z", "upright", "closing", "closing_y", "closing_z",

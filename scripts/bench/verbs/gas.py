@@ -22,6 +22,8 @@ class BenchGas:
     """Number of people of each cohort, from seed 0 on."""
     grown: int = whole(2, 10_000, default=20)
     """Number of them whose surface is grown and measured."""
+    patients: int = whole(1, 10_000, default=24)
+    """Number of virtual patients whose gas is sucked out, to see how much shorter their colons are then."""
     seconds: float = number("s", 0.1, 600.0, default=60.0)
     """Simulated time of each of eight runs of a scope [s]."""
     json: bool = field(default=False)
@@ -39,8 +41,9 @@ class BenchGas:
         from haustra.scripts.console import progress_bar
 
         folder = prepare_folder(self.output)
-        with progress_bar("gas", 4, unit="parts") as advance:
-            found = bench_gas(people=self.people, grown=self.grown, seconds=self.seconds, progress=advance)
+        about = {"people": self.people, "grown": self.grown, "patients": self.patients, "seconds": self.seconds}
+        with progress_bar("gas", 5, unit="parts") as advance:
+            found = bench_gas(**about, progress=advance)
         result = {
             "people": found["people"],
             "rows": table(found["rows"]),

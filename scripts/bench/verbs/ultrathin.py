@@ -1,5 +1,6 @@
 """`haustra bench ultrathin`: what keeps an ultrathin scope from the caecum."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -16,6 +17,7 @@ TABLE = "ultrathin.json"
 class BenchUltrathin:
     """Examine the same patients with an ultrathin scope, a standard one, and scopes that lie between them.
 
+    Each is driven by an endoscopist who leaves gas in the colon, and by one who sucks it out once an attempt failed.
     Goes on where it was cut short.
     """
 
@@ -45,7 +47,8 @@ class BenchUltrathin:
         write_json(folder / TABLE, {"asked": asked, "scopes": rows})
         if self.json:
             return {"scopes": rows}
-        return {
-            row["scope"]: f"{row['caecum']:.3f} of caeca, {row['more']:+.3f} ({row['low']:+.3f} to {row['high']:+.3f})"
-            for row in rows
-        }
+        return {row["scope"]: "; with suction ".join(map(_in_words, list(row.values())[1:])) for row in rows}
+
+
+def _in_words(caeca: Mapping[str, float]) -> str:
+    return f"{caeca['share']:.3f} of caeca, {caeca['more']:+.3f} ({caeca['low']:+.3f} to {caeca['high']:+.3f})"

@@ -40,7 +40,9 @@ def _close(session: Session, instrument: str) -> None:
 
 
 def test_a_polyp_is_taken_by_hand_bleeds_and_is_done_again_to_the_bit(with_polyp, scope, tmp_path):
-    vehicle = make_vehicle(with_polyp, scope)
+    """With gas as when the colon was imaged, so that the polyp stays where it was."""
+    full = scope["options"] | {"gas": 3333.0, "gas_start": 3333.0}
+    vehicle = make_vehicle(with_polyp, scope | {"options": full})
     session = Session(vehicle, Recorder(tmp_path, vehicle, driver="hand"))
     _close(session, "snare")
     assert vehicle.said == "snare: too far" and session.look.row["polyps_taken"] == 0

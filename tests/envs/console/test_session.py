@@ -106,6 +106,7 @@ def test_an_endoscopist_helps_and_its_assistant_is_recorded(colon_folder, scope,
         "jiggle_time": 0.1,
         "least_pull": 1e-3,
         "most_pull": 0.01,
+        "suck_after": 1.0,
     }
     monkeypatch.setattr(scope_vehicle, "driver_settings", lambda name, **about: driver_settings(name, **about, **hasty))
     vehicle = make_vehicle(colon_folder, {**scope, "driver": "endoscopist"})
@@ -116,6 +117,7 @@ def test_an_endoscopist_helps_and_its_assistant_is_recorded(colon_folder, scope,
     assert recording.about["vehicle"]["driver"] == "endoscopist"
     pressed = recording.rows["conditions"][:, [one.name for one in vehicle.conditions].index("pressed")]
     assert np.ptp(pressed) > 0
+    assert recording.rows["levers"][:, vehicle.lever("gas")].min() == -1  # it sucks, too
     assert repeat(recording).exact
 
 

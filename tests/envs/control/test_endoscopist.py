@@ -115,6 +115,19 @@ def test_the_assistant_is_asked_when_attempts_have_failed_and_not_before():
     assert len(asked) > 2 and max(asked) < len(ASSISTANT)
 
 
+def test_who_sucks_gas_out_does_so_from_an_attempt_that_fails_until_new_colon_is_seen():
+    handle = _Handle(patience=8.0, most_attempts=100.0, suck_after=1.0)
+    _run(handle, 6.0, tip=0.0, force=5.0)
+    assert handle.memory.sucks == 0
+    _run(handle, 10.0, tip=0.0, force=5.0)
+    assert handle.memory.attempts > 0 and handle.memory.sucks == 1
+    _run(handle, 60.0)
+    assert handle.memory.attempts == 0 and handle.memory.sucks == 0
+    never = _Handle(patience=8.0, most_attempts=100.0)
+    _run(never, 60.0, tip=0.0, force=5.0)
+    assert never.memory.attempts > 1 and never.memory.sucks == 0
+
+
 def test_it_pushes_the_firmer_the_longer_no_lumen_passes():
     """Gently as long as it is calm, then harder and harder, never beyond its firmest."""
     handle = _Handle()

@@ -194,6 +194,18 @@ def test_drivers_of_ones_own_examine_the_same_patients_in_one_batch(tmp_path):
         assert depth[drivers[1], design] > depth[drivers[0], design] + 0.02
 
 
+def test_suction_that_an_endoscopist_asks_for_is_done(tmp_path):
+    """Two who differ in that alone, and whose batches are alike: in six seconds the same tips come elsewhere."""
+    (tmp_path / "sucks.toml").write_text('law = "endoscopist"\nsuck_after = 0\n', encoding="utf-8")
+    drivers = "endoscopist", str(tmp_path / "sucks.toml")
+    study = cohort_study("quick", drivers=drivers, patients=2, seconds=6.0)
+    jobs = list(jobs_of(study, designs_of(study)))
+    found = {result.job: result for result in find_backend("cohort", "linear").start(study, tmp_path)(jobs)}
+    reach = {(job.conditions["driver"], job.design): found[job.id].scores["reach"] for job in jobs}
+    for design in {job.design for job in jobs}:
+        assert reach[drivers[1], design] != reach[drivers[0], design]
+
+
 def test_settings_out_of_range_are_refused_by_name(tmp_path):
     path = tmp_path / "driver.toml"
     path.write_text('law = "endoscopist"\nadvance_rate = 3.0\n', encoding="utf-8")

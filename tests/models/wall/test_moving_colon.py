@@ -98,6 +98,21 @@ def test_a_pulled_tube_stretches_and_a_pushed_one_pleats_more() -> None:
     assert pushed == pytest.approx(-0.5 * length / (100.0 * float(own.pleating[0])), rel=1e-3)
 
 
+def test_a_tube_that_has_lost_its_gas_shortens_by_its_thrust_over_the_stiffness_of_pleats() -> None:
+    """p pi r^2 L / EA, divided by the share of stiffness that pleats have; nodes that fill a row up pull at nothing."""
+    count, lost, radius = 31, 300.0, 0.02
+    anchored = np.zeros(count)
+    anchored[0] = 1e6
+    one = _straight(hold=anchored, turn_drag=np.full(count, 0.02 * radius**2))
+    alone = Mesentery(*(part[0] for part in one))
+    longer = hang(np.linspace(0, 0.5, 9)[:, None] * [0.0, 0.0, 1.0], np.linspace(0, 0.5, 9), np.full(9, radius), ())
+    own = Mesentery(*(part[:1] for part in mesentery.stack([alone, longer])))._replace(pressure_lost=np.array([lost]))
+    assert own.nodes.shape[1] > count
+    moved = _creep(own, np.zeros((own.nodes.shape[1], 3)), 4000)[count - 1, 2]
+    thrust = lost * np.pi * radius**2
+    assert moved == pytest.approx(-thrust * float(one.lengths.sum()) / (100.0 * float(one.pleating[0])), rel=1e-3)
+
+
 def _telescope(force: float, steps: int) -> tuple[Mesentery, AxisDisplacement, np.ndarray]:
     """A tube of a colon's wall, held at the anus and pushed together from its end [N], and energies meanwhile [J]."""
     arcs = np.linspace(0.0, 0.1, 50)
@@ -366,7 +381,7 @@ def _random_bend(gathered: float = 1.0) -> tuple[Mesentery, np.ndarray, np.rando
     own = tables.mesentery
     assert own is not None
     own = own._replace(slack=0.5 * random.uniform(0, 0.01, own.slack.shape), widths=own.widths + 0.01)
-    own = own._replace(load=random.normal(size=own.load.shape) * 0.1)
+    own = own._replace(load=random.normal(size=own.load.shape) * 0.1, pressure_lost=np.array([2000.0]))
     moved = random.normal(size=own.nodes.shape) * 0.004 * gathered
     return own, _poses(moved + (gathered - 1) * (own.nodes - own.nodes[:, :1]), random), random
 
@@ -471,6 +486,8 @@ def test_compiled_loops_are_the_law() -> None:
     random = np.random.default_rng(4)
     colon = swept_colon(winding([(0.08, 0.0), (0.1, 1.6), (0.1, 0.0)]), name="bend")
     stacked = stack([lumen_table(colon, device_radius=0.006, with_mesentery=True).tables])
+    assert stacked.mesentery is not None
+    stacked = stacked._replace(mesentery=stacked.mesentery._replace(pressure_lost=np.array([2000.0])))
     walls = TableWalls(stacked, 1, 60, radius=0.006)
     world, tables, displacement = np.array([0]), pick(stacked, np.array([0])), walls.displacement
     own = tables.mesentery
