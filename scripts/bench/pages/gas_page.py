@@ -35,7 +35,7 @@ _TAIL = """
 Published: volume per length Patrick and Pickhardt 2015 (n = 150), compliance Odunsi 2010 (n = 72), collapse and reflux
 McLaughlin 2013 (38 of 108), pressures of colonoscopies a study of 34, volumes supine Pickhardt's group (n = 146). At
 laparotomy colons were 114 cm long in the West and 111 cm in the East (Saunders 1995, 118 patients, without the distal
-rectum), in CT 190 cm (Khashab 2009) and 150 cm (Utano 2021).
+rectum; these lengths from memory, unverified), in CT 190 cm (Khashab 2009) and 150 cm (Utano 2021).
 
 ## What is calibrated, chosen and left out
 
