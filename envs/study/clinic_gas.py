@@ -26,6 +26,11 @@ class PatientsGas:
         self._whole = self._volumes[:, -1]
         self._volume = self._whole.copy()
 
+    @property
+    def full(self) -> bool:
+        """Whether all have as much gas as at first, so that nothing of it has changed."""
+        return bool((self._volume == self._whole).all())
+
     def __call__(self, sucks: Bool[np.ndarray, " patients"], seconds: float) -> Float[np.ndarray, " patients"]:
         """Let them be sucked at, or let gas in, for some more seconds.
 

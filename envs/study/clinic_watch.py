@@ -97,10 +97,11 @@ class ClinicWatch:
         memory = program.memory_of(self._batch.driver_numbers())
         if not isinstance(memory, Memory):
             return
-        if backend.gas is None:
-            backend.give("pressure_lost", self._gas(memory.sucks > 0, SECONDS))
-        else:
-            backend.gas.asked = np.where(memory.sucks > 0, -gas_numbers()["suction"], np.nan)
+        sucks = memory.sucks > 0
+        if backend.gas is not None:
+            backend.gas.asked = np.where(sucks, -gas_numbers()["suction"], np.nan)
+        elif sucks.any() or not self._gas.full:
+            backend.give("pressure_lost", self._gas(sucks, SECONDS))
         if (memory.assist != self._assist).any():
             self._assist = memory.assist.copy()
             backend.hang(self._assist.astype(int))

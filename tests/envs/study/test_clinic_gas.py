@@ -20,6 +20,7 @@ def test_a_colon_that_nobody_sucks_at_keeps_its_gas(colons):
     gas = PatientsGas(colons)
     for _ in range(3):
         np.testing.assert_allclose(gas(_LETS_IN, 10.0), 0.0, atol=1e-9)
+        assert gas.full
 
 
 def test_suction_takes_the_thrust_of_the_gas_away_and_closes_the_lumen_before_all_is_out(colons):
@@ -36,5 +37,6 @@ def test_gas_comes_back_as_slowly_as_a_scope_lets_it_in(colons):
     gas, known = PatientsGas(colons), gas_numbers()
     gas(_SUCKS, 5.0)
     back = 5.0 * known["suction"] / known["flow"]
-    assert (gas(_LETS_IN, 0.9 * back) > 0).all()
+    assert (gas(_LETS_IN, 0.9 * back) > 0).all() and not gas.full
     np.testing.assert_allclose(gas(_LETS_IN, 0.11 * back), 0.0, atol=1e-9)
+    assert gas.full
