@@ -129,8 +129,9 @@ def edge_tension(xp: Any, length: Any, rest: Any, tension: Any, pleating: Any) -
 def gas_thrust(xp: Any, lost: Any, drag: Any, turn_drag: Any, tension: Any) -> Any:
     """Force in an edge for the gas that a colon has lost since it was imaged [N]: that much less holds it apart.
 
-    Gas of pressure p thrusts the ends of a tube of cross-section A apart by p A, which the wall bears: imaged in
-    balance, the colon has lost that. By virtual work: shorter by dL, it gives back p A dL less.
+    Gas of pressure p thrusts the ends of a tube of cross-section A apart by p A: shorter by dL, the tube displaces A dL
+    of gas, which takes the work p A dL. A colon was imaged in balance with that, so what p A has lost since draws the
+    ends of an edge together.
 
     Args:
         xp: numpy or jax.numpy.

@@ -287,7 +287,7 @@ class LinearBackend(AbstractBackend):
         slots = held.shape[1] // (1 + self.directions)
         return held[:, slots:].reshape(len(held), slots, self.directions, -1)
 
-    def _put(self, name: str, worlds: np.ndarray, slot: int, values: Any) -> None:
+    def _put(self, name: str, worlds: np.ndarray, slot: int | list[int], values: Any) -> None:
         block, lane = np.divmod(worlds, self._place.lanes)
         self._held[name].change()[block, slot, lane] = values
 
@@ -442,9 +442,8 @@ class LinearBackend(AbstractBackend):
         self._held["widths"].change()[:, worlds] = self.gas.widths(worlds).T
         told = self.gas.burden(worlds)._asdict()
         told |= {"stiffness": self.gas.stiffness(worlds), "pressure_lost": self.gas.pressure_lost(worlds)}
-        block, lane = np.divmod(worlds[:, None], self._place.lanes)
         slots = [WORLD.index(name) for name in told]
-        self._held["worlds"].change()[block, slots, lane] = np.stack(list(told.values()), axis=1)
+        self._put("worlds", worlds[:, None], slots, np.stack(list(told.values()), axis=1))
         wet = bool(self.gas.water.any())
         if wet or weigh:
             self._let_water_weigh(worlds)
