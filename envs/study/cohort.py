@@ -70,10 +70,12 @@ class CohortOptions:
     stiffen_in: Literal["never", "descending", "transverse", "ascending"] = "never"
     """Segment from whose beginning on a scope's stiffening ring is turned to its stiffest setting, once the shaft was
     straightened there."""
-    water: float | None = number("m^3", 0.0, 2e-3, default=None)
-    """Water in rectum and sigmoid at the start [m^3]; then gas moves through all colons, from the pressure that they
-    have in common (`patient.gas_pressure` among the changes) and up to it. None, unlike 0: colons are as wide as they
-    were grown throughout."""
+    gas: float | None = number("Pa", 500.0, 6000.0, default=None)
+    """Pressure that colons are filled to at the start, and that gas is let in up to [Pa]; where it is less than the one
+    that a colon was grown at (`patient.gas_pressure`), the colon is narrower and draws together. When None, colons are
+    as wide as they were grown throughout."""
+    water: float = number("m^3", 0.0, 2e-3, default=0.0)
+    """Water in rectum and sigmoid at the start [m^3], with gas only."""
 
 
 @dataclass(frozen=True)
@@ -190,11 +192,11 @@ def check(study: Study, variables: Mapping[str, float], conditions: Mapping[str,
     """The patient, once driver and device are known to exist.
 
     Raises:
-        HaustraError: as `Examiner.of` and `patient_of`; when there is water, but no pressure of all.
+        HaustraError: as `Examiner.of` and `patient_of`; when there is water, but no pressure of the gas beside it.
     """
     Examiner.of(conditions)
-    if study.options.get("water") is not None and "patient.gas_pressure" not in study.changes:
-        raise InvalidStudyError("options.water: gas has one pressure in all patients: change patient.gas_pressure.")
+    if study.options.get("water") and study.options.get("gas") is None:
+        raise InvalidStudyError("options.water: water stands beside gas: give its pressure, options.gas.")
     return patient_of(study, variables)
 
 

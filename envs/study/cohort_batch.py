@@ -149,23 +149,20 @@ def _examined(
 
 
 def _filled(study: Study) -> dict[str, Any]:
-    """Options of scenes by which gas and water move through colons, where the study has water."""
-    if (water := study.options.get("water")) is None:
+    """Options of scenes by which gas and water move through colons, where the study has gas."""
+    if (pressure := study.options.get("gas")) is None:
         return {}
-    pressure = float(study.changes["patient.gas_pressure"])
-    return {"gas": pressure, "gas_start": pressure, "water": float(water)}
+    return {"gas": float(pressure), "gas_start": float(pressure), "water": float(study.options.get("water", 0.0))}
 
 
 def _prepare_gpu(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
-    """Refuse water, before anything is grown.
+    """Refuse gas that moves, before anything is grown.
 
     Raises:
-        UnsupportedSceneError: where there is water.
+        UnsupportedSceneError: where there is such gas.
     """
     if _filled(study):
-        raise UnsupportedSceneError(
-            "The backend 'linear-gpu' cannot honour options.water, which needs gas; linear can."
-        )
+        raise UnsupportedSceneError("The backend 'linear-gpu' cannot honour options.gas; linear can.")
     _prepare(study, folder, tell)
 
 

@@ -74,10 +74,11 @@ class Arm:
     stiffen_in: Literal["never", "descending", "transverse", "ascending"] = "never"
     """Segment from which on the stiffening ring is turned, once the shaft was straightened there."""
     gas_pressure: float | None = number("Pa", 500.0, 6000.0, default=None)
-    """Pressure that all colons are held open by [Pa]; each patient's own when None."""
-    water: float | None = number("m^3", 0.0, 2e-3, default=None)
-    """Water in rectum and sigmoid at the start [m^3], with `gas_pressure`, from which and up to which gas moves through
-    the colon then; None, unlike 0: it stays as wide as it was grown."""
+    """Pressure that colons are filled to at the start, and that gas is let in up to [Pa]. Both arms have the same
+    colons, grown at the larger of their pressures: where there is less, they are narrower and draw together. When None,
+    each is as wide as it was grown at its patient's own pressure."""
+    water: float = number("m^3", 0.0, 2e-3, default=0.0)
+    """Water in rectum and sigmoid at the start [m^3], with `gas_pressure` only."""
 
 
 @dataclass(frozen=True)
@@ -191,24 +192,25 @@ def arm_study(
     changes: dict[str, float] = {}
     if trial.sex != "any":
         changes["patient.sex"] = 0.0 if trial.sex == "female" else 1.0
-    fixed = set(changes) | {"patient.gas_pressure" for one in trial.arms if one.gas_pressure is not None}
-    if arm.gas_pressure is not None:
-        changes["patient.gas_pressure"] = arm.gas_pressure
+    if pressures := [one.gas_pressure for one in trial.arms if one.gas_pressure is not None]:
+        changes["patient.gas_pressure"] = max(pressures)
     device, inputs = arm.device, {}
     if device.endswith(".toml"):
         device = str((path.parent / device).resolve())
         inputs = {device: file_hash(Path(device))}
-    options = {"seconds": seconds, "timestep": CohortOptions().timestep, "stiffen_in": arm.stiffen_in}
+    options: dict[str, Any] = {"seconds": seconds, "timestep": CohortOptions().timestep, "stiffen_in": arm.stiffen_in}
+    if arm.gas_pressure is not None or arm.water:
+        options |= {"gas": arm.gas_pressure, "water": arm.water}
     study = Study(
         question="cohort",
         title=arm.name,
         base="default",
-        variables=tuple(variable for variable in patient_variables() if variable.path not in fixed),
+        variables=tuple(variable for variable in patient_variables() if variable.path not in changes),
         conditions={"driver": (driver,), "device": (device,)},
         objectives=(),
         sampler=Sampler(kind="latin-hypercube", count=patients, seed=seed),
         changes=changes,
-        options=options if arm.water is None else {**options, "water": arm.water},
+        options=options,
         inputs=inputs,
     )
     check(study, {}, {"driver": driver, "device": device})
@@ -247,7 +249,7 @@ def run_trials(
         (name, arm.name): arm_study(trial, path, arm, **asked) for name, trial, path in trials for arm in trial.arms
     }
     for (name, _), study in studies.items():  # before the first runs, not when it is their turn
-        if backend == "linear-gpu" and study.options.get("water") is not None:
+        if backend == "linear-gpu" and study.options.get("gas") is not None:
             raise UnsupportedSceneError(
                 f"The backend 'linear-gpu' cannot honour the gas of the trial '{name}'; linear can: name other trials."
             )

@@ -274,16 +274,14 @@ def test_a_colon_that_another_process_has_grown_stays(tmp_path):
 def test_patients_are_examined_under_water_and_too_much_of_it_is_refused_by_name(tmp_path):
     """Two litres go into nobody's rectum and sigmoid: who cannot be examined says so, in one line."""
     asked = cohort_study("quick", drivers=("follower",), patients=1, seconds=1.0)
-    fixed = tuple(each for each in asked.variables if each.path != "patient.gas_pressure")
     states = []
     for water in (1e-4, 2e-3):
-        options = {**asked.options, "water": water}
-        study = replace(asked, variables=fixed, changes={"patient.gas_pressure": 2000.0}, options=options)
+        study = replace(asked, options={**asked.options, "gas": 2000.0, "water": water})
         jobs = list(jobs_of(study, designs_of(study)))
         (found,) = find_backend("cohort", "linear").start(study, tmp_path)(jobs)
         states.append(found.state)
     assert states == ["finished", "failed"] and "rectum and sigmoid take" in found.reason
-    with pytest.raises(UnsupportedSceneError, match=r"options\.water"):
+    with pytest.raises(UnsupportedSceneError, match=r"options\.gas"):
         find_backend("cohort", "linear-gpu").prepare(study, tmp_path, lambda note: None)
 
 

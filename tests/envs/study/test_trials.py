@@ -135,16 +135,17 @@ def test_a_trial_that_is_not_known_is_refused() -> None:
     assert isinstance(load_trial("water")[0], Trial)
 
 
-def test_the_arms_of_water_against_air_differ_by_water_and_pressure_under_the_same_law() -> None:
+def test_the_arms_of_water_against_air_differ_by_water_and_gas_in_the_same_colons() -> None:
     trial, path = load_trial("water")
     wet, dry = (arm_study(trial, path, arm, patients=4, driver="follower", seconds=10.0) for arm in trial.arms)
     assert (wet.options["water"], dry.options["water"]) == (2e-4, 0.0)
-    assert wet.changes["patient.gas_pressure"] < dry.changes["patient.gas_pressure"]
+    assert wet.options["gas"] < dry.options["gas"] == wet.changes["patient.gas_pressure"]
+    assert (wet.changes, wet.variables) == (dry.changes, dry.variables)
     others = {name: load_trial(name) for name in NAMES if name != "water"}
     for one, place in others.values():
         study = arm_study(one, place, one.arms[0], patients=4, driver="follower", seconds=10.0)
-        assert "water" not in study.options
-    with pytest.raises(InvalidStudyError, match=r"patient\.gas_pressure"):
+        assert not {"gas", "water"} & set(study.options)
+    with pytest.raises(InvalidStudyError, match=r"options\.gas"):
         arm_study(trial, path, replace(trial.arms[0], gas_pressure=None), patients=4, driver="follower", seconds=10.0)
 
 
