@@ -74,8 +74,8 @@ class CohortOptions:
     """Pressure that colons are filled to at the start, and that gas is let in up to [Pa]; where it is less than the one
     that a colon was grown at (`patient.gas_pressure`), the colon is narrower and draws together. When None, colons are
     as wide as they were grown throughout."""
-    water: float = number("m^3", 0.0, 2e-3, default=0.0)
-    """Water in rectum and sigmoid at the start [m^3], with gas only."""
+    water: float | None = number("m^3", 0.0, 2e-3, default=None)
+    """Water in rectum and sigmoid at the start [m^3], with gas only; none when None."""
 
 
 @dataclass(frozen=True)

@@ -129,7 +129,7 @@ def _examined(
     colons = [own.colons[which] for which in case]
     watch = ClinicWatch(batch, patients, colons, case)
     segment = str(study.options.get("stiffen_in", NEVER))
-    ring = StiffeningRing(batch, design, colons, each("shaft_stiffness"), segment=segment)
+    ring = StiffeningRing(batch, colons, segment=segment)
 
     def look() -> None:
         watch()
@@ -152,7 +152,7 @@ def _filled(study: Study) -> dict[str, Any]:
     """Options of scenes by which gas and water move through colons, where the study has gas."""
     if (pressure := study.options.get("gas")) is None:
         return {}
-    return {"gas": float(pressure), "gas_start": float(pressure), "water": float(study.options.get("water", 0.0))}
+    return {"gas": float(pressure), "gas_start": float(pressure), "water": float(study.options.get("water") or 0.0)}
 
 
 def _prepare_gpu(study: Study, folder: Path, tell: Callable[[str], None]) -> None:

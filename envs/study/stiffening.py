@@ -1,4 +1,4 @@
-"""A stiffening ring that is turned on command: the shaft is stiffer from then on, the bending section is not.
+"""A stiffening ring that is turned on command: from then on sections of the shaft are as stiff as the ring makes them.
 
 Endoscopists stiffen a shaft that they have straightened, so that it does not loop again (Shah 2002, Gastrointest Endosc
 56:195): a looped one would be stiffened as it lies. Who remembers what it does turns the ring at the end of the first
@@ -9,12 +9,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from haustra.envs.control.endoscopist import pulls_back
-from haustra.errors import InvalidDesignError
 from haustra.models.anatomy.colon import Colon
-from haustra.models.devices.scope.design import ScopeDesign
 
 if TYPE_CHECKING:
     from haustra.envs.runs.linear_insertions import LinearInsertions
@@ -25,41 +22,21 @@ NEVER = "never"
 class StiffeningRing:
     """Turns the ring of each patient's scope to its stiffest setting once straightened in a segment or beyond."""
 
-    def __init__(
-        self,
-        batch: "LinearInsertions",
-        design: ScopeDesign,
-        colons: Sequence[Colon],
-        shaft_stiffness: Float[np.ndarray, " worlds"],
-        *,
-        segment: str,
-    ) -> None:
-        """Get to know the scope and where the segment begins.
+    def __init__(self, batch: "LinearInsertions", colons: Sequence[Colon], *, segment: str) -> None:
+        """Get to know where the segment begins.
 
         Args:
             batch: the patients' worlds.
-            design: of the scope, whose `stiffening` is the shaft's EI at the stiffest setting over that at the softest.
             colons: of each world.
-            shaft_stiffness: EI of each world's shaft over its design's [1].
             segment: from whose beginning on the ring is turned; 'never' leaves it.
-
-        Raises:
-            InvalidDesignError: when sections of the shaft stiffen unlike each other.
         """
-        self._batch, self._soft = batch, shaft_stiffness
+        self._batch = batch
         self._turned, self._pulled = np.zeros((2, len(colons)), dtype=bool)
         self._starts = np.full(len(colons), np.inf)
         if segment != NEVER:
             self._starts = np.array(
                 [next(part.start for part in colon.segments if part.name == segment) for colon in colons]
             )
-        ratios = {each.stiffening / (1 + design.variable_stiffness * (each.stiffening - 1)) for each in design.shaft}
-        if segment != NEVER and len(ratios) > 1:
-            raise InvalidDesignError(
-                f"Scope '{design.name}': sections of its shaft stiffen by different factors, which a ring that is "
-                "turned on command cannot: give all the same stiffening."
-            )
-        self._factor = max(ratios)
 
     def __call__(self) -> None:
         """Turn the rings of those who have come there, and were straightened there, since."""
@@ -72,4 +49,4 @@ class StiffeningRing:
         turned = self._turned | ready
         if (turned != self._turned).any():
             self._turned = turned
-            backend.give("bending", self._soft * np.where(turned, self._factor, 1.0))
+            backend.give("ring", turned.astype(float))

@@ -44,7 +44,7 @@ class AloneProgram(ScopeProgram):
     def advance(self, count: Any, going: Value | None = None) -> None:
         """As every program's."""
         with self.program.loop(0, self.dofs) as dof:
-            self.joints.put(dof, _SCALE, (self._world.load(self._scaled_by(dof)),))
+            self.joints.put(dof, _SCALE, (super().scale(dof),))
         super().advance(count, going)
 
     def scale(self, dof: Any) -> Value:

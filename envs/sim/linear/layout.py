@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Float
 
 DOF = ("x", "y", "z", "stiffness", "damping", "armature", "rest", "low", "high", "up", "left", "down", "right",
-       "behind", "lock_stiffness", "lock_damping", "cubic")  # fmt: skip
-"""Numbers of each joint in a design: axis, spring, stops, arms of the wires, its lock outside, spring's cube."""
+       "behind", "lock_stiffness", "lock_damping", "cubic", "ring")  # fmt: skip
+"""Numbers of each joint in a design: axis, spring, stops, arms of the wires, its lock outside, spring's cube, and by
+how much of its stiffness a stiffening ring that is turned stiffens it."""
 
 BODY = ("offset", "mass", "centre", "across", "along")
 """Numbers of each link in a design: place on its parent's axis [m], mass, centre of mass, moments of inertia."""
@@ -18,20 +19,20 @@ SCOPE = ("radius", "start", "tip", "pull_limit", "wire_friction", "wire_hysteres
          "bend_limit", "wire_radius", "wire_slack", "wire_compliance")  # fmt: skip
 """Numbers of a whole design."""
 
-WORLD = ("one", "bending", "tip_bending", "torsion", "stiffness", "damping_time", "friction", "push_limit",
+WORLD = ("one", "bending", "tip_bending", "torsion", "ring", "stiffness", "damping_time", "friction", "push_limit",
          "torque_limit", "gravity_x", "gravity_y", "gravity_z", "step", "first", "count", "device_radius",
          "first_node", "spacing", "pleating", "pressure_lost",
          "push_rate", "roll_rate", "up", "left", "down", "right", "alive", "begins", "start_roll",
          "gas_load", "gas_load_arc", "gas_pain", "gas_pain_arc",
          "wall_straight", "wall_bent", "wall_sideways", "wall_fixed", "wall_per_diameter",
          "wall_contact_length")  # fmt: skip
-"""Numbers of a world: what scales joints, its wall, hand and colon, what hands ask, whether it is stepped, whether its
-scope is to be laid straight before that, how it is turned then [rad], what gas alone does to it, and what its wall
-bears (`haustra.models.injury.perforation.Strength`). Of each wire hands ask a pull [N], or, where wheels steer, how
-much of it is taken up [m]."""
+"""Numbers of a world: what scales joints, how far a stiffening ring is turned on command (0 to 1), its wall, hand and
+colon, what hands ask, whether it is stepped, whether its scope is to be laid straight before that, how it is turned
+then [rad], what gas alone does to it, and what its wall bears (`haustra.models.injury.perforation.Strength`). Of each
+wire hands ask a pull [N], or, where wheels steer, how much of it is taken up [m]."""
 
 BEGUN = ("step", "first", "count", "device_radius", "first_node", "spacing", "pleating", "pressure_lost",
-         "gravity_x", "gravity_y", "gravity_z", "bending", "stiffness", "friction", "start_roll", "alive",
+         "gravity_x", "gravity_y", "gravity_z", "bending", "ring", "stiffness", "friction", "start_roll", "alive",
          "begins")  # fmt: skip
 """Those of them that a world which begins anew is given."""
 

@@ -206,8 +206,8 @@ class ScopeProgram:
         return self.structure.load(body * STRUCTURE + 2), self.structure.load(body * STRUCTURE + 3)
 
     def scale(self, dof: Any) -> Value:
-        """What the world scales a joint by."""
-        return self._world.load(self._scaled_by(dof))
+        """What the world scales a joint by: a number of its own, and a stiffening ring."""
+        return self._world.load(self._scaled_by(dof)) * (1 + self.world("ring") * self.joint(dof, "ring"))
 
     def _scaled_by(self, dof: Any) -> Value:
         """Which number of the world scales a joint."""

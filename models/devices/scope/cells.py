@@ -37,6 +37,8 @@ class Cell:
     """Angle of the unloaded joint towards wire 'left' [rad]."""
     largest: tuple[float, float, float, float] | None = None
     """Largest angle towards up, left, down, right [rad]; None for no stop."""
+    left_to_stiffen: float = 0.0
+    """By how much of its EI a stiffening ring that is turned on command stiffens it [1]; 0 in the bending section."""
 
     @property
     def joint(self) -> float:
@@ -132,4 +134,5 @@ def _cell(design: ScopeDesign, section: ScopeSection, start: float, length: floa
         bias_up=math.radians(section.bias_up_deg) * share,
         bias_left=math.radians(section.bias_left_deg) * share,
         largest=stop,
+        left_to_stiffen=0.0 if steerable else design.left_to_stiffen(section),
     )

@@ -123,6 +123,10 @@ class ScopeDesign:
         setting = 1 + self.variable_stiffness * (section.stiffening - 1)
         return section.flexural_rigidity * setting * self.temperature_factor_bending
 
+    def left_to_stiffen(self, section: ScopeSection) -> float:
+        """By how much of its EI in use the ring can stiffen a section yet [1]."""
+        return section.stiffening / (1 + self.variable_stiffness * (section.stiffening - 1)) - 1
+
     @property
     def pull_per_angle(self) -> float:
         """Pull that bends the free bending section by an angle [N/rad]: constant curvature, angle = F r L / EI."""

@@ -1,7 +1,8 @@
 """Write the page of published trials from what `haustra trials -o DIR` and `haustra bench ultrathin -o DIR` leave.
 
 `python -m haustra.scripts.bench.pages.trials_page docs/validation/trials.md DIR/trials.json DIR/ultrathin.json`, and
-trials by an endoscopist who sucks gas out; each alone leaves what is kept of the others.
+trials by an endoscopist who sucks gas out; each alone leaves what is kept of the others, and some trials alone, asked
+for as those that are kept, leave the rest of them.
 """
 
 import sys
@@ -45,8 +46,8 @@ _SUCKING = """
 {command}: the same trials by an endoscopist who sucks gas out from the first attempt in vain on, as textbooks ask, so
 that the colon [draws together](../theory/mesentery.md#the-model). **{different} of {all_different} differences and
 {equal} of {all_equal} equalities are reproduced.** Hardly anybody's caecum is missed then, by any scope: equalities
-hold, the ultrathin scope's among them, and signs that come from who arrives are lost. Neither endoscopist reproduces
-all nine. The usual one leaves the gas: with suction more caeca are reached than in clinics
+hold, the ultrathin scope's among them, and what is left of differences is how fast a scope goes where all arrive. Neither
+endoscopist reproduces all nine. The usual one leaves the gas: with suction more caeca are reached than in clinics
 ([log](../log/navigation.md#endoscopists-that-were-tried)).
 
 | trial | effect (95 %) | caecum, both arms | reproduced |
@@ -158,6 +159,13 @@ def _row(one: Mapping[str, Any]) -> tuple[str, ...]:
     )
 
 
+def _in_their_place(found: Mapping[str, Any], kept: Mapping[str, Any]) -> dict[str, Any]:
+    """What was found, with those trials that are kept beside it where they were asked for alike."""
+    asked_alike = kept.get("asked") == found["asked"]
+    trials = {one["name"]: one for one in (*(kept["trials"] if asked_alike else ()), *found["trials"])}
+    return {**found, "trials": [trials[name] for name in sorted(trials)]}
+
+
 def main(page: Path, sources: Sequence[Path]) -> None:
     """Keep what was measured beside the page, and write it; without a source from what is kept."""
     kept = page.parent / "data" / f"{page.stem}.json"
@@ -167,9 +175,10 @@ def main(page: Path, sources: Sequence[Path]) -> None:
         if "scopes" in found:
             table[ULTRATHIN] = found
         elif found["asked"]["driver"] != _USUAL:
-            table[SUCTION] = found
+            table[SUCTION] = _in_their_place(found, table.get(SUCTION, {}))
         else:  # what is kept beside the trials stays, nothing else
-            table = found | {name: each for name, each in table.items() if name in (ULTRATHIN, SUCTION)}
+            beside = {name: each for name, each in table.items() if name in (ULTRATHIN, SUCTION)}
+            table = _in_their_place(found, table) | beside
     write_json(kept, table)
     text = trials_page(table)
     write_atomically(page, lambda file: file.write_text(text, encoding="utf-8"))

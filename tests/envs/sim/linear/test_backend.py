@@ -212,3 +212,23 @@ def test_sizes_are_what_they_say_and_drawn_as_they_are(bank, dofs):
     model, data = LinearBackend(sized.scene, sized.tables, worlds=1).world_data(0)
     assert model.nv == pytest.approx(dofs, rel=0.1)
     assert data.qpos.shape == (model.nv,)
+
+
+@pytest.mark.parametrize("worlds", [1, 3])
+def test_a_ring_that_is_turned_on_command_stiffens_as_a_design_says(bank, worlds):
+    """Sections stiffen each by its own factor; a scope whose ring was turned before goes the same way."""
+    soft = named_design("adult-variable")
+    behind, front = soft.shaft
+    soft = replace(soft, shaft=(replace(behind, stiffening=2.0), replace(front, stiffening=1.5)))
+    inputs = Controls(np.full(worlds, 0.05), np.zeros(worlds), np.tile([9.0, 3.0, 0.0, 0.0], (worlds, 1)))
+    found = {}
+    for design, turned in ((soft, 0.0), (soft, 1.0), (replace(soft, variable_stiffness=1.0), 0.0)):
+        scene = resized(replace(bank, scene=replace(bank.scene, design=design)), 40).scene
+        backend = LinearBackend(scene, bank.tables, worlds=worlds, real=np.float64)
+        backend.reset(np.arange(worlds), np.zeros(worlds, int), conditions(bank, worlds))
+        backend.give("ring", turned)
+        for _ in range(40):
+            assert backend.step(inputs, 20).all()
+        found[design.variable_stiffness, turned] = backend.read().tip
+    np.testing.assert_allclose(found[0.0, 1.0], found[1.0, 0.0], atol=1e-8)
+    assert np.linalg.norm(found[0.0, 1.0] - found[0.0, 0.0], axis=-1).min() > 1e-4
