@@ -26,7 +26,9 @@ def named_design(name: str) -> ScopeDesign:
     if name == "adult-worn":
         return replace(basic, name=name, wires=_worn(basic.wires))
     if name == "adult-variable":
-        return _variable(basic, name)
+        stiffening = _numbers()["scope.variable.stiffening"].value
+        shaft = tuple(replace(section, stiffening=stiffening) for section in basic.shaft)
+        return replace(basic, name=name, shaft=shaft)
     if name == "paediatric-long":
         numbers = _numbers()
         added = numbers["scope.long.working_length"].value - basic.length
@@ -51,14 +53,6 @@ def at_body_temperature(design: ScopeDesign) -> ScopeDesign:
         temperature_factor_bending=numbers["scope.temperature.flexural_rigidity_factor"].value,
         temperature_factor_torsion=numbers["scope.temperature.torsional_rigidity_factor"].value,
     )
-
-
-def _variable(basic: ScopeDesign, name: str) -> ScopeDesign:
-    """The design with a stiffening ring, whose front stays as soft as it is."""
-    numbers, (section,) = _numbers(), basic.shaft
-    soft = numbers["scope.variable.soft_front"].value - basic.bending.length - basic.tip.length
-    behind = replace(section, length=section.length - soft, stiffening=numbers["scope.variable.stiffening"].value)
-    return replace(basic, name=name, shaft=(behind, replace(section, length=soft)))
 
 
 @cache

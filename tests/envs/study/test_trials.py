@@ -8,7 +8,9 @@ import pytest
 
 from haustra.envs.study.trials import Trial, answered, arm_study, load_trial, run_trials, trial_names
 from haustra.errors import InvalidOptionError, InvalidStudyError, UnsupportedSceneError
+from haustra.models.devices.scope.files import load_design
 
+EXAMPLES = Path(__file__).parents[3] / "docs/examples/soft-front"
 NAMES = trial_names()
 
 
@@ -153,3 +155,21 @@ def test_a_gpu_refuses_the_trial_of_water_before_any_is_run(tmp_path: Path) -> N
     with pytest.raises(UnsupportedSceneError, match="trial 'water'"):
         run_trials(["flaccid", "water"], tmp_path, patients=3, driver="follower", seconds=1.0, backend="linear-gpu")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["stiffening", "tapered"])
+def test_rings_that_leave_the_front_soft_differ_from_those_that_ship_in_that_alone(name: str) -> None:
+    """The leading 30 cm are the last section, the bending section and the tip."""
+    usual, soft = (load_trial(where) for where in (name, str(EXAMPLES / f"{name}.toml")))
+    assert replace(soft[0], assumed=(), arms=()) == replace(usual[0], assumed=(), arms=())
+    for one, other in zip(usual[0].arms, soft[0].arms, strict=True):
+        known, found = (load_design(trial[1].parent / arm.device) for trial, arm in ((usual, one), (soft, other)))
+        if name == "stiffening" or other.stiffen_in != "never":
+            (shaft,), (behind, front) = known.shaft, found.shaft
+            assert behind == replace(shaft, length=behind.length)
+            assert front == replace(shaft, length=front.length, stiffening=1.0)
+            assert front.length + found.bending.length + found.tip.length == pytest.approx(0.3)
+            assert found.length == pytest.approx(known.length)
+            found = replace(found, shaft=known.shaft)
+        assert found == known
+        assert replace(other, device=one.device) == one

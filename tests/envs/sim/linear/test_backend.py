@@ -217,9 +217,9 @@ def test_sizes_are_what_they_say_and_drawn_as_they_are(bank, dofs):
 @pytest.mark.parametrize("worlds", [1, 3])
 def test_a_ring_that_is_turned_on_command_stiffens_as_a_design_says(bank, worlds):
     """Sections stiffen each by its own factor; a scope whose ring was turned before goes the same way."""
-    soft = named_design("adult-variable")
-    behind, front = soft.shaft
-    soft = replace(soft, shaft=(replace(behind, stiffening=2.0), replace(front, stiffening=1.5)))
+    soft, uneven = named_design("adult"), ((1.28, 2.0), (0.285, 1.5))
+    (shaft,) = soft.shaft
+    soft = replace(soft, shaft=tuple(replace(shaft, length=length, stiffening=ring) for length, ring in uneven))
     inputs = Controls(np.full(worlds, 0.05), np.zeros(worlds), np.tile([9.0, 3.0, 0.0, 0.0], (worlds, 1)))
     found = {}
     for design, turned in ((soft, 0.0), (soft, 1.0), (replace(soft, variable_stiffness=1.0), 0.0)):
