@@ -69,12 +69,12 @@ bending section of a stiff one, cost as many caeca as both; more shaft brings th
 _FRONT = """
 ## If a ring leaves a scope's front soft
 
-`haustra trials docs/examples/soft-front/stiffening.toml docs/examples/soft-front/tapered.toml -o DIR{asks}`, with the
-usual endoscopist and with `--driver docs/examples/suction.toml`. How much of a shaft a stiffening ring stiffens is not
-published in what was found; the trials above have it stiffen all. Textbooks have the leading 30 cm stay as soft as they
-are, as far as memory goes, and two signs hang on that: with such a ring the tapered scope is slower than the paediatric
-one, whoever drives, and who sucks gas out is faster with a stiffened scope, as published, so that the usual endoscopist
-reproduces one difference less than above, and who sucks gas out one more.
+`haustra trials docs/examples/soft-front/*.toml -o DIR{asks}`, with the usual endoscopist and
+with `--driver docs/examples/suction.toml`. How much of a shaft a stiffening ring stiffens is not published in what was
+found; the trials above have it stiffen all. Textbooks have the leading 30 cm stay as soft as they are, as far as memory
+goes, and answers hang on that. With such a ring the usual endoscopist reproduces one difference and one equality less
+than above, since the paediatric scope of variable stiffness is faster than the tapered one, and comes to fewer caeca
+than the adult one; who sucks gas out reproduces one difference more, since a stiffened scope is faster, as published.
 
 | driver, trial | effect (95 %) | caecum, both arms | effect where both arrive | reproduced |
 | --- | --- | --- | --- | --- |
