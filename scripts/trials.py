@@ -50,6 +50,8 @@ class Trials:
                 names, self.output, **asked, progress=lambda done, total, note: advance(done, note, total)
             )
         write_json(self.output / TABLE, {"asked": asked, "trials": [told(answer) for answer in answers]})
+        if not self.json:
+            return {answer.name: _line(answer) for answer in answers}
         return {
             "trials": [
                 {
@@ -64,6 +66,18 @@ class Trials:
                 for answer in answers
             ]
         }
+
+
+def _line(answer: "Answer") -> str:
+    """A trial's answer in a table."""
+    if answer.effect is None:
+        return "too few patients tell the endpoint"
+    unit = "" if answer.trial.endpoint.unit == "1" else f" {answer.trial.endpoint.unit}"
+    verdict = "resolved" if answer.resolved else "not resolved"
+    return (
+        f"{answer.effect:+.3g}{unit} ({answer.low:+.3g} to {answer.high:+.3g}), {answer.patients} pairs; "
+        f"published {answer.trial.expected}: {f'reproduced, {verdict}' if answer.reproduced else 'NOT reproduced'}"
+    )
 
 
 def told(answer: "Answer") -> dict[str, Any]:
