@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
 from haustra.envs.sim.at_origin import compile_at_origin
@@ -13,7 +12,6 @@ from haustra.envs.sim.scope_values import Scope
 from haustra.envs.sim.serial_chain import Chain, Links
 from haustra.envs.sim.wheels import wire_arms
 from haustra.errors import UnsupportedSceneError
-from haustra.models.devices.scope.cells import Cell
 from haustra.models.scene import Scene
 
 
@@ -110,21 +108,13 @@ def read_scope(scene: Scene, *, backend: str = "linear") -> Scope:
         "bend_limit": np.radians(design.limits.smallest),
         "wire_friction": np.float64(design.wires.friction),
         "cubic": np.asarray(model.jnt_stiffnesspoly)[model.dof_jntid, 1].copy(),
-        "ring": _left_to_stiffen(model, cable.cells),
+        "ring": np.array([cell.left_to_stiffen for cell in cable.cells]),
         "wire_hysteresis": np.float64(design.wires.hysteresis),
         "wire_radius": np.float64(design.wires.routing_radius),
         "wire_slack": np.float64(design.wires.slack),
         "wire_compliance": np.float64(design.wires.compliance),
     }
     return Scope(links=Links.of(model), **{name: np.asarray(part)[None] for name, part in parts.items()})
-
-
-def _left_to_stiffen(model: mujoco.MjModel, cells: Sequence[Cell]) -> np.ndarray:
-    found = np.zeros(model.nv)
-    for index, cell in enumerate(cells):
-        for side in "xy":
-            found[model.joint(f"scope/bend_{side}_{index:03d}").dofadr] = cell.left_to_stiffen
-    return found
 
 
 def stack_scopes(scopes: Sequence[Scope]) -> Scope:

@@ -49,7 +49,7 @@ class Scope(NamedTuple):
     cubic: Array
     """(any, dofs) of the springs' torque stiffness q + cubic q^3 [N m/rad^3]."""
     ring: Array
-    """(any, dofs) by how much of its stiffness a stiffening ring that is turned on command stiffens a joint [1]."""
+    """(any, joints) by how much of its stiffness a stiffening ring that is turned on command stiffens a joint [1]."""
     wire_hysteresis: Array
     """(any,) part of a pull that is lost in the bending section itself [1]."""
     wire_radius: Array

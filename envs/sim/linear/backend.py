@@ -238,11 +238,11 @@ class LinearBackend(AbstractBackend):
         tables, moving = self.tables, self.tables.mesentery
         gravity = np.einsum("wij,i->wj", tables.axes[case], np.asarray(self.scene.options.gravity))
         values: dict[str, Any] = {name: getattr(tables, name)[case] for name in ("step", "first", "count")}
-        values |= {"device_radius": tables.device_radius[case], "bending": conditions.shaft_stiffness, "ring": 0.0}
-        values |= {f"gravity_{axis}": gravity[:, i] for i, axis in enumerate("xyz")} | {"alive": 1.0}
+        values |= {"device_radius": tables.device_radius[case], "bending": conditions.shaft_stiffness, "alive": 1.0}
+        values |= {f"gravity_{axis}": gravity[:, i] for i, axis in enumerate("xyz")}
         values |= {"first_node": self._first_node(worlds, case, 0)}
         values |= {name: 1.0 if moving is None else getattr(moving, name)[case] for name in _OF_COLON}
-        values |= {"stiffness": conditions.wall_stiffness, "friction": conditions.friction, "begins": 1.0}
+        values |= {"stiffness": conditions.wall_stiffness, "friction": conditions.friction, "begins": 1.0, "ring": 0.0}
         return values | {"start_roll": 0.0 if conditions.roll is None else conditions.roll}
 
     def hang(self, way: Int[np.ndarray, " worlds"]) -> None:

@@ -77,8 +77,8 @@ def pack_design(scope: Scope, own: ScopeChain, layout: Layout) -> Float[np.ndarr
     each[:, locked, DOF.index("behind")] = np.repeat(scope.behind, 2, axis=1)
     each[:, locked, DOF.index("lock_stiffness")] = scope.lock_stiffness
     each[:, locked, DOF.index("lock_damping")] = scope.lock_damping
+    each[:, locked, DOF.index("ring")] = np.repeat(scope.ring, 2, axis=1)
     each[:, :, DOF.index("cubic")] = scope.cubic
-    each[:, :, DOF.index("ring")] = scope.ring
     body = np.stack(
         [links.offset[..., 2], links.mass, links.centre[..., 2], inertia[..., 0, 0], inertia[..., 2, 2]], -1
     )

@@ -120,12 +120,15 @@ class ScopeDesign:
 
     def flexural_rigidity(self, section: ScopeSection) -> float:
         """EI of a section in use: at this design's temperature and stiffness setting [N m^2]."""
-        setting = 1 + self.variable_stiffness * (section.stiffening - 1)
-        return section.flexural_rigidity * setting * self.temperature_factor_bending
+        return section.flexural_rigidity * self._stiffened(section) * self.temperature_factor_bending
 
     def left_to_stiffen(self, section: ScopeSection) -> float:
         """By how much of its EI in use the ring can stiffen a section yet [1]."""
-        return section.stiffening / (1 + self.variable_stiffness * (section.stiffening - 1)) - 1
+        return section.stiffening / self._stiffened(section) - 1
+
+    def _stiffened(self, section: ScopeSection) -> float:
+        """EI of a section at this setting of the ring, over EI at the softest [1]."""
+        return 1 + self.variable_stiffness * (section.stiffening - 1)
 
     @property
     def pull_per_angle(self) -> float:
