@@ -30,7 +30,7 @@ SENTENCES = {
     ),
     "docs/validation.md": (
         "{told} of {differences}; {equal} of {equalities}",
-        "and so do {failed_word} published trials of {trials_word}",
+        "and of published trials {failed_word} of {trials_word}",
         "{inside} of {asked} in {patients} patients",
     ),
     "docs/limits.md": (

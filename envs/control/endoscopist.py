@@ -12,8 +12,8 @@ by how much lumen has passed since. What it does is one of a few small manoeuvre
   does not make good, which is how a loop feels. A loop that comes again is left deeper each time;
 - **jiggle**: short strokes in and out, which pleat the colon onto the shaft;
 - **rest**: a while without any motion after each manoeuvre, in which one looks and breathes;
-- **suck gas out**, where its settings have it so, after some attempts in vain until new colon is seen: a colon without
-  gas is shorter. Textbooks ask for it often, at the flexures above all;
+- **suck gas out**, from the transverse colon on, and after attempts in vain until new colon is seen: a colon is shorter
+  without gas. Textbooks ask for it often, at the flexures above all;
 - **ask the assistant**: a hand on the belly, and then other postures, one after the other, when attempts have failed;
 - **give up**: after many attempts in vain the insertion is over.
 
@@ -60,6 +60,9 @@ class EndoscopistSettings:
     steer_lead: float = number("rad", 0.01, 10.0, default=3.0)
     """Largest lead of the wires over the angle that the bending section has reached [rad]: enough to pull at a tip that
     a wall has caught as hard as wheels do. With 0.6 rad, tips stay bent over in the right colon."""
+    slow_from: float = number("1", 0.0, 0.99, default=0.95)
+    """Share of the largest push, as it is meanwhile, from which on the hand slows down, to stand still at all of it
+    [1]."""
     gentle_force: float = number("N", 0.01, 1e3, default=10.0)
     """Push that is not exceeded while things go well [N]; 9.8 N are exceeded for 5 % of the time (Appleyard 2000)."""
     held_force: float = number("N", 0.01, 1e3, default=6.0)
@@ -114,12 +117,16 @@ class EndoscopistSettings:
     """Attempts without new colon after which it gives up, which ends the insertion: above clinics' medians of 7 to 10
     in all, where they go up to 80 (Shah 2000); pain and looping end one insertion in twenty to ten there (Thieme
     a-0574-2478)."""
-    suck_after: float = number("1", 0.0, 1e3, default=1e3)
-    """Attempts without new colon after which it sucks gas out instead of letting it in; more than `most_attempts`, as
-    usual: never. Textbooks have it sucked out often (Cotton and Williams, Practical Gastrointestinal Endoscopy); who
-    does from the first attempt on reaches more caeca than clinics do."""
-    rest: float = number("s", 0.0, 600.0, default=3.0)
-    """Rest after each manoeuvre [s]."""
+    suck_after: float = number("1", 0.0, 1e3, default=1.0)
+    """Attempts without new colon after which it sucks gas out instead of letting it in; more than `most_attempts`:
+    never."""
+    suck_from: float = number("m", 0.0, 100.0, default=1.0)
+    """Lumen seen to pass from which on it sucks gas out all the time [m]: where the transverse colon is. Textbooks have
+    its loop drawn up and collapsed by suction, and suck at the hepatic flexure and beyond (Cotton and Williams,
+    Practical Gastrointestinal Endoscopy)."""
+    rest: float = number("s", 0.0, 600.0, default=10.0)
+    """Rest after each manoeuvre [s]: for so long one looks, and the assistant moves or presses; a hand on the belly
+    mostly presses for less than 30 s (Waye 1991, Gastrointest Endosc 37:147, abstract)."""
     jiggle: float = number("m", 0.0, 0.2, default=0.015)
     """Half the stroke of jiggling [m]."""
     jiggle_rate: float = number("1/s", 0.01, 20.0, default=1.0)
@@ -253,12 +260,13 @@ def rules(
     turn = own.twist * xp.where(odd == 1.0, -1.0, 1.0)
     roll_goal = xp.where(leaves_off & ~jiggles, turn, xp.where(rested & (attempts == 0), 0.0, memory.roll_goal))
     assist = attempts - len(ASSISTANT) * xp.floor(attempts / len(ASSISTANT))
-    sucks = xp.where(attempts >= own.suck_after, 1.0, 0.0)
+    sucks = xp.where((attempts >= own.suck_after) | (arc > own.suck_from), 1.0, 0.0)
     # How the hand moves: the longer no lumen passes, the firmer it pushes.
     firmly = own.firmer * xp.maximum(time - moved - own.calm, 0.0)
     limit = xp.minimum(own.gentle_force + firmly, own.firm_force)
     ease = own.advance_rate * xp.clip(1 - force / own.held_force, -0.5, 0.0)
-    rate = xp.where(pushes, own.advance_rate * xp.clip(3 * (1 - force / limit), -0.5, 1.0), ease)
+    slowed = xp.clip((1 - force / limit) / (1 - own.slow_from), -0.5, 1.0)
+    rate = xp.where(pushes, own.advance_rate * slowed, ease)
     rate = xp.where(mode == _PULL, -own.withdraw_rate * xp.clip(3 * (1 + force / own.pull_force), 0.0, 1.0), rate)
     stroke = own.jiggle * own.jiggle_rate
     turnings = (time - since) * own.jiggle_rate

@@ -1,6 +1,6 @@
 """What keeps an ultrathin scope from the caecum: scopes that differ from it in one thing, each in the same patients.
 
-Each is driven by an endoscopist who leaves gas in the colon, and by one who sucks it out.
+Each is driven by the usual endoscopist, who sucks gas out, and by one who leaves it in the colon.
 """
 
 from collections.abc import Callable, Mapping
@@ -62,7 +62,7 @@ def bench_ultrathin(
     backend: str,
     progress: Callable[[int, int, str], None] = lambda done, total, note: None,
 ) -> list[dict[str, Any]]:
-    """Examine the same patients with every scope, with and without suction.
+    """Examine the same patients with every scope, by who sucks gas out and who leaves it.
 
     Tells how many caeca are reached, and how many more than with the standard scope and the same endoscopist.
 
@@ -76,8 +76,8 @@ def bench_ultrathin(
     """
     designs = prepare_folder(folder / "designs").resolve()
     files = {what: str(save_design(design, designs / f"{design.name}.toml")) for what, design in scopes().items()}
-    sucks = str(sucking_driver(designs / "suction.toml"))
-    drivers = {"endoscopist": "caecum", sucks: "caecum_with_suction"}
+    leaves = str(gas_leaving_driver(designs / "gas-left.toml"))
+    drivers = {"endoscopist": "caecum", leaves: "caecum_with_gas_left"}
     about: dict[str, Any] = {"patients": patients, "seconds": seconds, "seed": seed}
     study = cohort_study("full", drivers=tuple(drivers), devices=tuple(files.values()), **about)
     store = folder / "store"
@@ -97,9 +97,10 @@ def bench_ultrathin(
     ]
 
 
-def sucking_driver(path: Path) -> Path:
-    """A file of an endoscopist who sucks gas out from the first attempt in vain on."""
-    write_atomically(path, lambda temporary: temporary.write_text('law = "endoscopist"\nsuck_after = 1\n', "utf-8"))
+def gas_leaving_driver(path: Path) -> Path:
+    """A file of an endoscopist who never sucks gas out."""
+    never = 'law = "endoscopist"\nsuck_after = 1000\nsuck_from = 100\n'
+    write_atomically(path, lambda temporary: temporary.write_text(never, "utf-8"))
     return path
 
 

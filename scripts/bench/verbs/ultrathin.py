@@ -17,8 +17,8 @@ TABLE = "ultrathin.json"
 class BenchUltrathin:
     """Examine the same patients with an ultrathin scope, a standard one, and scopes that lie between them.
 
-    Each is driven by an endoscopist who leaves gas in the colon, and by one who sucks it out once an attempt failed.
-    Goes on where it was cut short.
+    Each is driven by the usual endoscopist, who sucks gas out, and by one who leaves it in the colon. Goes on where it
+    was cut short.
     """
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
@@ -47,7 +47,7 @@ class BenchUltrathin:
         write_json(folder / TABLE, {"asked": asked, "scopes": rows})
         if self.json:
             return {"scopes": rows}
-        return {row["scope"]: "; with suction ".join(map(_in_words, list(row.values())[1:])) for row in rows}
+        return {row["scope"]: "; with gas left ".join(map(_in_words, list(row.values())[1:])) for row in rows}
 
 
 def _in_words(caeca: Mapping[str, float]) -> str:

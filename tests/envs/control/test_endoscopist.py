@@ -69,7 +69,10 @@ def test_it_advances_at_its_own_pace_and_rests_after_each_straightening():
 def test_it_does_not_push_beyond_what_is_gentle():
     handle = _Handle()
     assert handle.step(force=handle.own.gentle_force) == 0
-    assert 0 < _Handle().step(force=0.9 * handle.own.gentle_force) < handle.own.advance_rate
+    slows = handle.own.slow_from * handle.own.gentle_force
+    assert _Handle().step(force=slows) == pytest.approx(handle.own.advance_rate)
+    halfway = _Handle().step(force=(slows + handle.own.gentle_force) / 2)
+    assert halfway == pytest.approx(handle.own.advance_rate / 2)
 
 
 def test_a_shaft_that_goes_in_while_the_tip_stays_is_pulled_back_beyond_the_tips_place():
@@ -115,17 +118,26 @@ def test_the_assistant_is_asked_when_attempts_have_failed_and_not_before():
     assert len(asked) > 2 and max(asked) < len(ASSISTANT)
 
 
-def test_who_sucks_gas_out_does_so_from_an_attempt_that_fails_until_new_colon_is_seen():
-    handle = _Handle(patience=8.0, most_attempts=100.0, suck_after=1.0)
+def test_gas_is_sucked_out_from_an_attempt_that_fails_until_new_colon_is_seen():
+    handle = _Handle(patience=8.0, most_attempts=100.0, suck_after=1.0, suck_from=100.0)
     _run(handle, 6.0, tip=0.0, force=5.0)
     assert handle.memory.sucks == 0
     _run(handle, 10.0, tip=0.0, force=5.0)
     assert handle.memory.attempts > 0 and handle.memory.sucks == 1
     _run(handle, 60.0)
     assert handle.memory.attempts == 0 and handle.memory.sucks == 0
-    never = _Handle(patience=8.0, most_attempts=100.0)
+    never = _Handle(patience=8.0, most_attempts=100.0, suck_after=1e3, suck_from=100.0)
     _run(never, 60.0, tip=0.0, force=5.0)
     assert never.memory.attempts > 1 and never.memory.sucks == 0
+
+
+def test_gas_is_sucked_out_from_the_transverse_colon_on():
+    handle = _Handle(suck_from=0.5, new_colon=2.0)
+    while handle.arc <= handle.own.suck_from:
+        handle.step()
+        assert handle.memory.sucks == (handle.arc - handle.rates[-1] * _STEP > handle.own.suck_from)
+    handle.step()
+    assert handle.memory.sucks == 1
 
 
 def test_it_pushes_the_firmer_the_longer_no_lumen_passes():

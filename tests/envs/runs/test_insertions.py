@@ -189,7 +189,7 @@ def test_an_endoscopist_who_gives_up_ends_the_insertion(bank: ScopeColonSet) -> 
     """On every backend, and after the same attempts: the hand hardly pushes, so that no lumen passes."""
     weak = replace(bank.scene.options, push_limit=0.05)
     tube = build_bank([bank.colons[1]], named_design("paediatric"), weak)
-    settings = EndoscopistSettings(patience=2.0, most_attempts=2.0)
+    settings = EndoscopistSettings(patience=2.0, most_attempts=2.0, rest=3.0)
     single = [run_insertion(tube.scene, seconds=60, settings=settings)]
     single.append(run_linear_insertion(tube.scene, seconds=60, settings=settings))
     assert [each.outcome for each in single] == [Outcome.STUCK] * 2

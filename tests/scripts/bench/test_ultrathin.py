@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from haustra.envs.control.laws import driver_settings
-from haustra.scripts.bench.ultrathin import LONGER, STANDARD, ULTRATHIN, scopes, sucking_driver
+from haustra.scripts.bench.ultrathin import LONGER, STANDARD, ULTRATHIN, gas_leaving_driver, scopes
 from haustra.scripts.main import BAD_INPUT, main
 
 SCOPES = scopes()
@@ -34,14 +34,16 @@ def test_too_few_patients_are_refused(tmp_path, capsys) -> None:
     assert "--patients" in capsys.readouterr().err
 
 
-def test_the_one_who_sucks_differs_in_that_alone(tmp_path) -> None:
-    usual, sucks = (
-        driver_settings(name, moves=True) for name in ("endoscopist", str(sucking_driver(tmp_path / "a.toml")))
+def test_who_leaves_the_gas_differs_in_that_alone(tmp_path) -> None:
+    usual, leaves = (
+        driver_settings(name, moves=True) for name in ("endoscopist", str(gas_leaving_driver(tmp_path / "a.toml")))
     )
-    assert replace(sucks, suck_after=usual.suck_after) == usual
-    assert sucks.suck_after < usual.most_attempts < usual.suck_after
+    assert replace(leaves, suck_after=usual.suck_after, suck_from=usual.suck_from) == usual
+    assert usual.suck_after < usual.most_attempts < leaves.suck_after
+    assert usual.suck_from < 1.5 < 10.0 < leaves.suck_from  # m; no colon is longer than that
 
 
-def test_the_example_is_the_one_who_sucks() -> None:
-    path = Path(__file__).parents[3] / "docs/examples/suction.toml"
-    assert driver_settings(str(path), moves=True).suck_after == 1
+def test_the_example_is_the_one_who_leaves_the_gas(tmp_path) -> None:
+    example = Path(__file__).parents[3] / "docs/examples/gas-left.toml"
+    own = gas_leaving_driver(tmp_path / "a.toml")
+    assert driver_settings(str(example), moves=True) == driver_settings(str(own), moves=True)
