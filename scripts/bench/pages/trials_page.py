@@ -69,7 +69,8 @@ _FRONT = """
 
 `haustra trials docs/examples/soft-front/*.toml -o DIR{asks}`. How much of a shaft a stiffening ring stiffens is not
 published in what was found; the trials above have it stiffen all. Textbooks have the leading 30 cm stay as soft as they
-are, as far as memory goes.
+are, as far as memory goes. Then one difference less is reproduced: the paediatric scope of variable stiffness, whose
+front stays soft, is faster than the tapered one.
 
 | trial | effect (95 %) | caecum, both arms | effect where both arrive | reproduced |
 | --- | --- | --- | --- | --- |
