@@ -61,9 +61,9 @@ the caecum are 1.10 m of shaft instead of 1.29, and a loop stands for 0.21 of th
 - *Peaks*: torque peaks at 0.38 N m, where 0.6 begins: what lies outside the patient is not modelled.
 - *P(perforation)*: 0.0033 (0.0013 to 0.0065), where 0.002 is the end. One patient of 800 makes 0.0013 of it: the scope
   left the lumen after 186 s, drawn by 100 N, which counts with P(perforation) = 1. Another, given up, makes 0.0003. No
-  scope left the lumen in the 400 of seed 24. The version before, in 800 of seed 21, had 0.0015. Such loads come of the
-  model: a colon that is gathered keeps from node to node the angle that it has at rest, and so curls up and pinches the
-  shaft ([log](../log/navigation.md#colons-that-curl-up-where-they-are-gathered)).
+  scope left the lumen in the 400 of seed 24. The version before, in 800 of seed 21, had 0.0015. What that one
+  patient bears comes of the model: a colon that is gathered keeps from node to node the angle that it has at rest, and
+  so curls up and pinches the shaft ([log](../log/navigation.md#colons-that-curl-up-where-they-are-gathered)).
 """
 
 
