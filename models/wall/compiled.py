@@ -31,10 +31,9 @@ from haustra.models.wall import (
 from haustra.models.wall import loops as loops_law
 from haustra.models.wall.indentation import FALL, JUMP_COST, JUMP_FREE, JUMP_MOST, NEAR, crossed, reached, top
 from haustra.models.wall.law import soft_numbers
-from haustra.models.wall.loops import MARGIN, apart, contact, nearer, nearness, touch_force
+from haustra.models.wall.loops import MARGIN, STALE, apart, contact, nearer, nearness, touch_force
 from haustra.models.wall.lumen_table import axis_point, query_point
 from haustra.models.wall.moving_colon import (
-    bend_gradient,
     bend_stiffness,
     edge_resistance,
     edge_tension,
@@ -48,6 +47,7 @@ from haustra.models.wall.moving_colon import (
     node_turn_resistance,
     packed_bend,
     packed_resistance,
+    wall_bend,
 )
 from haustra.models.wall.plane_pose import as_plane_sees, moving_contact, plane_turn
 from haustra.models.wall.planes import AWAY
@@ -813,7 +813,7 @@ def _step_axis(
         surrounded = own.walls[world, 0] > 0 or own.breaths[world, 1] > 0
         breathed = breath(np, own.breaths[world, 1], time[world]) if surrounded else 0.0
         if own.touch[world] > 0:
-            if way[world] >= MARGIN:
+            if way[world] >= STALE:
                 _look(own, world, pose, found)
                 way[world] = 0.0
             _press_loops(own, world, pose, found, pulled, braked)
@@ -1042,12 +1042,11 @@ def _add_springs(
     for i in range(last + 1):
         over = unit_rate(_node(shape.tangents, world, i), shape.sums[world, i], _node(work, 0, i))
         if 0 < i < last:
-            change = minus(_node(shape.units, world, i), _node(shape.units, world, i - 1))
-            packed = _packed(own, world, shape, i)
+            bent, packed = _bends(own, world, shape, i)
             firm[i], opens[i] = packed.stiffness, packed.along
-            opening[i - 1] += packed.tension
-            opening[i] += packed.tension
-            bend = add(bend_gradient(np, change, own.turns[world, i], own.bending[world, i]), packed.gradient)
+            opening[i - 1] += bent.tension + packed.tension
+            opening[i] += bent.tension + packed.tension
+            bend = add(bent.gradient, packed.gradient)
             _put_more(over_units, 0, i, minus(over, bend))
             _put_more(over_units, 0, i - 1, add(over, bend))
         else:
@@ -1066,13 +1065,14 @@ def _add_springs(
         _put_more(pulled, 0, i + 1, times(-1.0, pull))
 
 
-def _packed(own: Any, world: int, shape: Any, node: int) -> Any:
-    """`packed_bend` at a node between others."""
+def _bends(own: Any, world: int, shape: Any, node: int) -> Any:
+    """`wall_bend` and `packed_bend` at a node between others."""
     change = minus(_node(shape.units, world, node), _node(shape.units, world, node - 1))
     length = shape.lengths[world, node - 1] + shape.lengths[world, node]
     rest = own.lengths[world, node - 1] + own.lengths[world, node]
-    about = own.turns[world, node], own.bending[world, node], own.widths[world, node]
-    return packed_bend(np, length, rest, change, *about)
+    turn, bending = own.turns[world, node], own.bending[world, node]
+    packed = packed_bend(np, length, rest, change, turn, bending, own.widths[world, node])
+    return wall_bend(np, length, rest, change, turn, bending), packed
 
 
 def _named(name: str, entry: Callable[..., Any]) -> Callable[..., Any]:
@@ -1090,7 +1090,7 @@ def loops() -> Loops:
     overload(vectors.where)(lambda xp, condition, yes, no: lambda xp, condition, yes, no: yes if condition else no)
     own = (_node, _put, _put_more, _turn, _put_turn, _section, _cells, _rest_closing, _node_between, _edge_rate)
     own = (*own, _rates, _add_springs, _lean, _turn_sections, _spread, _enveloped, _press_loops, _look)
-    own = (*own, _follow, _packed)
+    own = (*own, _follow, _bends)
     entries = (
         _query,
         _query_moved,

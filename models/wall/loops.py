@@ -3,8 +3,8 @@
 A node's partner is the nearest node that is so far from it along the colon that no gathering brings them together; the
 node is pressed away from the axis beside that: the two edges that meet there. Both sides of a contact do so, each
 with half of the stiffness of two walls in series. What lay against each other at rest is as thick as it was there, so
-that a colon at rest is in balance. Partners are looked for anew before any two nodes can have come nearer by an edge's
-length, so that loops never miss each other; in between, forces are those of an energy, and opposite and equal.
+that a colon at rest is in balance. Partners are looked for anew before any two nodes can have come nearer by `STALE`,
+so that loops never miss each other; in between, forces are those of an energy, and opposite and equal.
 """
 
 from typing import Any
@@ -20,8 +20,10 @@ FLAT = 0.5
 """Loops whose axes are nearer than this share of the way at which they touch [1] are pressed flat on what is in them,
 and bear like folds that are packed (`haustra.models.wall.moving_colon.edge_tension`); engineering choice."""
 MARGIN = 0.01
-"""Room across which partners are looked for, and by how much loops may have come nearer since before the next look [m]:
-the length of an edge; engineering choice."""
+"""Room across which partners are looked for [m]: the length of an edge; engineering choice."""
+STALE = 5e-4
+"""By how much loops may have come nearer since partners were looked for, before they are looked for anew [m];
+engineering choice: loops come to rest by which part of each other they touch now, not by which they touched first."""
 
 
 def nearness(there: Vector, here: Vector, kept: Any) -> Any:

@@ -150,26 +150,49 @@ def edge_stiffness(xp: Any, length: Any, rest: Any, tension: Any) -> Any:
     return tension + where(xp, left < 1, packed, 0.0)
 
 
-def bend_gradient(xp: Any, change: Vector, rest: Any, bending: Any) -> Vector:
-    """Gradient of the bending energy over the change of direction from one edge to the next [N m].
+class Bend(NamedTuple):
+    """What a wall does against a bend at a node."""
 
-    The moment at a node that bends by an angle t is B (2 tan(t/2) - 2 tan(t_0/2)): B (t - t_0) where it bends little,
-    and without bound where it would fold back on itself (Bergou et al. 2008). Only how much it bends counts, not to
-    which side: a tube that may turn about itself.
+    gradient: Vector
+    """Gradient of its energy over the change of direction from one edge to the next [N m]."""
+    tension: Any
+    """Force in both edges [N]: what lengthens them bends the wall."""
+
+
+def wall_bend(xp: Any, length: Any, rest: Any, change: Vector, turn: Any, bending: Any) -> Bend:
+    """How a wall resists a bend, of the energy B (-4 ln cos(t/2) - s q a + s^2 q a_0 / 2), where a = 2 sin(t/2).
+
+    The moment at a node that bends by an angle t is B (2 tan(t/2) - s q cos(t/2)), with q such that there is none at
+    rest, at t_0: B (t - s t_0) where it bends little, and without bound where it would fold back on itself (Bergou et
+    al. 2008). A wall that is gathered to a share s of its length is so on either side of a bend alike: its folds are as
+    many as before and as much nearer to each other, so that it bends by as much less from node to node, and keeps its
+    curvature. Only how much it bends counts, not to which side: a tube that may turn about itself.
 
     Args:
         xp: numpy or jax.numpy.
+        length: of both edges beside the node together [m].
+        rest: the same at rest [m].
         change: difference of the edges' directions.
-        rest: 2 tan(t_0/2).
+        turn: 2 tan(t_0/2).
         bending: B [N m].
     """
-    amount = norm(xp, change)
-    facing = xp.sqrt(xp.maximum(4 - amount * amount, LEAST_FACING * LEAST_FACING))
-    return times(2 * bending * (2 * amount / facing - rest) / (facing * amount), change)
+    amount, steep, stretch = norm(xp, change), xp.sqrt(1 + 0.25 * turn * turn), length / rest
+    facing = xp.maximum(4 - amount * amount, LEAST_FACING * LEAST_FACING)
+    own = bending * turn * steep
+    return Bend(
+        times(4 * bending / facing - own * stretch / amount, change), own * (stretch * turn / steep - amount) / rest
+    )
+
+
+def bend_energy(xp: Any, length: Any, rest: Any, amount: Any, turn: Any, bending: Any) -> Any:
+    """Energy of `wall_bend` [J], less what it is at rest, given the length of the change of direction."""
+    steep, stretch = 1 + 0.25 * turn * turn, length / rest
+    apart = 2 * xp.log(steep * (1 - 0.25 * amount * amount))
+    return bending * (turn * (turn * (1 + stretch * stretch) / 2 - stretch * amount * xp.sqrt(steep)) - apart)
 
 
 def bend_stiffness(xp: Any, bending: Any, facing: Any) -> Any:
-    """Slope of the moment of `bend_gradient` over the angle [N m], given the length of the sum of both directions."""
+    """Slope of the moment of `wall_bend` over the angle [N m], given the length of the sum of both directions."""
     facing = xp.maximum(facing, LEAST_FACING)
     return 4 * bending / (facing * facing)
 
@@ -188,12 +211,13 @@ class PackedBend(NamedTuple):
 
 
 def packed_bend(xp: Any, length: Any, rest: Any, change: Vector, turn: Any, bending: Any, width: Any) -> PackedBend:
-    """How a wall resists a bend by the folds that meet on its inside, beside `bend_gradient`.
+    """How a wall resists a bend by the folds that meet on its inside, beside `wall_bend`.
 
     Folds that lie against each other are a solid ring (`edge_tension`), which bends `STACKED` times as hard as the wall
-    does. A bend that is more by a than at rest, in 2 sin(t/2), shortens the wall on its inside by e = w a / l_0 of its
-    length at rest, and lengthens it on its outside; with p by how much the axis is shorter than `SHORTEST`, the energy
-    is k/2 ((p + e)+^2 / 2 + (p - e)+^2 / 2 - p+^2), of which `edge_tension` has the last.
+    does. Bent by a, in 2 sin(t/2), more than folds bend by themselves that lie against each other (`folded_bend`), the
+    wall is shorter on the inside by e = w a / l_0 of its length at rest, and longer on the outside; with p by how much
+    the axis is shorter than `SHORTEST`, the energy is k/2 ((p + e)+^2 / 2 + (p - e)+^2 / 2 - p+^2), of which
+    `edge_tension` has the last.
 
     Args:
         xp: numpy or jax.numpy.
@@ -206,7 +230,7 @@ def packed_bend(xp: Any, length: Any, rest: Any, change: Vector, turn: Any, bend
     """
     per, amount = 2 * width / rest, norm(xp, change)
     firm = STACKED * bending / (per * per)
-    inner, outer, both = _pressed(xp, length, rest, per * (amount - chord(xp, turn)))
+    inner, outer, both = _pressed(xp, length, rest, per * (amount - folded_bend(xp, turn, per)))
     moment, squeezed = 0.5 * firm * per * (inner - outer), 0.5 * firm * (inner + outer - 2 * both)
     resists = where(xp, inner + outer > 0, firm, 0.0)
     return PackedBend(
@@ -217,7 +241,7 @@ def packed_bend(xp: Any, length: Any, rest: Any, change: Vector, turn: Any, bend
 def packed_energy(xp: Any, length: Any, rest: Any, amount: Any, turn: Any, bending: Any, width: Any) -> Any:
     """Energy of `packed_bend` [J], given the length of the change of direction."""
     per = 2 * width / rest
-    inner, outer, both = _pressed(xp, length, rest, per * (amount - chord(xp, turn)))
+    inner, outer, both = _pressed(xp, length, rest, per * (amount - folded_bend(xp, turn, per)))
     return 0.25 * STACKED * bending / (per * per) * (inner * inner + outer * outer - 2 * both * both)
 
 
@@ -243,9 +267,20 @@ def _pressed(xp: Any, length: Any, rest: Any, bent: Any) -> tuple[Any, Any, Any]
     return xp.maximum(packed + bent, 0.0), xp.maximum(packed - bent, 0.0), xp.maximum(packed, 0.0)
 
 
-def chord(xp: Any, turn: Any) -> Any:
-    """Length of the change of direction at a bend: 2 sin(t/2) of 2 tan(t/2)."""
-    return turn / xp.sqrt(1 + 0.25 * turn * turn)
+def folded_bend(xp: Any, turn: Any, per: Any) -> Any:
+    """By how much folds that lie against each other bend by themselves, in 2 sin(t/2) [1].
+
+    They are as many on either side as they were at rest, where the wall was longer on the outside: they bend by
+    `SHORTEST` of the angle at rest. Where that is so sharp that the wall on the inside has no length, it has at least
+    that of its folds.
+
+    Args:
+        xp: numpy or jax.numpy.
+        turn: 2 tan(t_0/2).
+        per: by how much of its length at rest the wall on the inside is shorter in a bend of 1 [1].
+    """
+    chord = turn / xp.sqrt(1 + 0.25 * turn * turn)
+    return xp.maximum(SHORTEST * chord, chord - (1 - SHORTEST) / per)
 
 
 def hold_force(xp: Any, place: Vector, slack: Any, hold: Any, support: Any) -> Vector:
@@ -336,12 +371,12 @@ PARTS = (
     edge_tension,
     gas_thrust,
     edge_stiffness,
-    bend_gradient,
+    wall_bend,
     bend_stiffness,
     packed_bend,
     packed_resistance,
     _pressed,
-    chord,
+    folded_bend,
     hold_force,
     node_resistance,
     node_turn_resistance,
@@ -695,13 +730,14 @@ def _forces(
     work = work + xp.pad(stacked(xp, minus(last, twisting)), ((0, 0), (1, 0), (0, 0)))
     work = stacked(xp, unit_rate(tangents, shape.sums, vectors.of(work)))
     change = vectors.of(shape.units[:, 1:] - shape.units[:, :-1])
-    bend = bend_gradient(xp, change, own.turns[:, 1:-1], own.bending[:, 1:-1])
+    bend = wall_bend(xp, *_beside_nodes(own, shape), change, own.turns[:, 1:-1], own.bending[:, 1:-1])
     packed = _packed(xp, own, shape)
-    bend = xp.pad(stacked(xp, add(bend, packed.gradient)), ((0, 0), (1, 1), (0, 0)))
+    opening = bend.tension + packed.tension
+    bend = xp.pad(stacked(xp, add(bend.gradient, packed.gradient)), ((0, 0), (1, 1), (0, 0)))
     over_units = vectors.of(work[:, 1:] + work[:, :-1] + bend[:, 1:] - bend[:, :-1])
     units = vectors.of(shape.units)
     tension = edge_tension(xp, shape.lengths, own.lengths, own.tension, own.pleating[:, None])
-    tension = tension + _gas_thrusts(xp, own) - shortening + _onto_edges(xp, packed.tension)
+    tension = tension + _gas_thrusts(xp, own) - shortening + _onto_edges(xp, opening)
     pull = stacked(xp, minus(times(tension, units), unit_rate(units, shape.lengths, over_units)))
     held = stacked(xp, add(hold_force(xp, around.hung, own.slack, own.hold, own.support), around.force))
     return held + own.load + _from_edges(xp, pull), turning, shape, packed
@@ -793,10 +829,8 @@ def energy(xp: Any, own: Mesentery, pose: Array, time: Array | None = None, foun
     along = along + own.tension * own.lengths / 3 * (0.5 * left**2 + 1 / left - 1.5)
     along = along + _gas_thrusts(xp, own) * shape.lengths
     change = norm(xp, vectors.of(shape.units[:, 1:] - shape.units[:, :-1]))
-    bent = own.bending[:, 1:-1] * _bend_energy(xp, change, own.turns[:, 1:-1])
-    bent = bent + packed_energy(
-        xp, *_beside_nodes(own, shape), change, own.turns[:, 1:-1], own.bending[:, 1:-1], own.widths[:, 1:-1]
-    )
+    inner = *_beside_nodes(own, shape), change, own.turns[:, 1:-1], own.bending[:, 1:-1]
+    bent = bend_energy(xp, *inner) + packed_energy(xp, *inner, own.widths[:, 1:-1])
     around = _surroundings(xp, own, pose, time, found)
     moved = norm(xp, around.hung)
     held = 0.5 * own.hold * xp.maximum(moved - own.slack, 0.0) ** 2 + 0.5 * own.support * moved**2
@@ -804,12 +838,6 @@ def energy(xp: Any, own: Mesentery, pose: Array, time: Array | None = None, foun
     held = held + own.upright * _twist_energy(xp, _upright(xp, own, shape)[0]) - (own.load * place).sum(-1)
     held = held + around.energy
     return along.sum(axis=1) + bent.sum(axis=1) + held.sum(axis=1) + wound.sum(axis=1)
-
-
-def _bend_energy(xp: Any, change: Array, rest: Array) -> Array:
-    """Energy of `bend_gradient` over the stiffness, given the length of the change of direction."""
-    half, half_rest = xp.arcsin(change / 2), xp.arctan(rest / 2)
-    return 4 * xp.log(xp.cos(half_rest) / xp.cos(half)) - 2 * rest * (half - half_rest)
 
 
 def _twist_energy(xp: Any, sine: Array) -> Array:

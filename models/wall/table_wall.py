@@ -16,7 +16,7 @@ from haustra.models.wall import contact_solver
 from haustra.models.wall.compiled import loops
 from haustra.models.wall.elasticity import ELASTICITIES, LINEAR, stored_energy
 from haustra.models.wall.law import SLIP_SPEED, WallContact, contact_parameters
-from haustra.models.wall.loops import MARGIN
+from haustra.models.wall.loops import STALE
 from haustra.models.wall.lumen_table import LumenTable, Tables, pick, stack
 from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.moving_colon import AT_REST, POSE, AxisDisplacement, AxisShape
@@ -52,7 +52,7 @@ class TableWalls:
         self._more: Float[np.ndarray, "worlds nodes 3"] | float = 0.0
         self.time: Float[np.ndarray, " worlds"] = np.zeros(worlds)
         """For how long axes have moved since they were at rest [s]: breath goes by it."""
-        self._way, self._partners = np.full(worlds, MARGIN), np.zeros((worlds, 0), int)
+        self._way, self._partners = np.full(worlds, STALE), np.zeros((worlds, 0), int)
         self._drawn, self._borne = np.zeros((worlds, 0, 4)), np.zeros((worlds, spheres, 6))
         if tables.mesentery is not None:
             nodes = tables.mesentery.nodes.shape[1]
@@ -90,7 +90,7 @@ class TableWalls:
         self._tables = picked._replace(mesentery=None)
         if self.displacement is not None:
             self.displacement.pose[worlds], self.displacement.speed[worlds] = AT_REST, 0.0
-            self.time[worlds], self._way[worlds] = 0.0, MARGIN
+            self.time[worlds], self._way[worlds] = 0.0, STALE
 
     def weigh(self, more: Float[np.ndarray, "worlds nodes 3"] | float) -> None:
         """Let so much weigh on the nodes of the axes besides what their mesenteries say [N]."""
@@ -174,7 +174,7 @@ class TableWalls:
         if self.displacement is not None and other.displacement is not None:
             for mine, theirs in zip(self.displacement, other.displacement, strict=True):
                 mine[:] = theirs
-            self.time[:], self._way[:] = other.time, MARGIN
+            self.time[:], self._way[:] = other.time, STALE
 
     def share_axis(self, other: "TableWalls") -> None:
         """Take the axes of other spheres of the same colons for one's own."""

@@ -14,7 +14,6 @@ from haustra.models.injury.pain import axial_tension, mesentery_tension
 from haustra.models.wall.lumen_table import Tables, axis_point
 from haustra.models.wall.moving_colon import (
     POSE,
-    bend_gradient,
     bend_stiffness,
     edge_resistance,
     edge_tension,
@@ -26,6 +25,7 @@ from haustra.models.wall.moving_colon import (
     node_turn_resistance,
     packed_bend,
     packed_resistance,
+    wall_bend,
 )
 from haustra.models.wall.sections import (
     STILL,
@@ -303,12 +303,14 @@ class Axis:
                 self._number(node, "turn"),
                 self._number(node, "width"),
             )
-            bend = bend_gradient(xp, change, bent_at_rest, bending)
             both = length + length_before, self._number(node, "length") + self._number(cell, "length")
+            bent = wall_bend(xp, *both, change, bent_at_rest, bending)
             packed = packed_bend(xp, *both, change, bent_at_rest, bending, width)
-            bend = self._where(inner, add(bend, packed.gradient))
+            bend = self._where(inner, add(bent.gradient, packed.gradient))
             stiffness = bend_stiffness(xp, bending, size)
-            packed = [xp.where(inner, part, 0.0) for part in (packed.tension, packed.stiffness, packed.along)]
+            packed = [
+                xp.where(inner, part, 0.0) for part in (bent.tension + packed.tension, packed.stiffness, packed.along)
+            ]
             # How the node's section is turned, what holds it from turning, and what presses on it.
             old = self._turn(node)
             turn = brought_along(xp, old, at_rest, tangent)

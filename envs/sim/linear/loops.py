@@ -5,7 +5,7 @@ from collections.abc import Callable
 from haustra.envs.sim.linear.layout import Layout
 from haustra.envs.sim.linear.sweep import NodeNumbers, Nodes, along
 from haustra.envs.sim.linear.trace import Changing, Program, Value
-from haustra.models.wall.loops import MARGIN, apart, contact, nearer, nearness, touch_force
+from haustra.models.wall.loops import MARGIN, STALE, apart, contact, nearer, nearness, touch_force
 from haustra.models.wall.vectors import Vector, times
 
 _PLACE, _GIRTH, _PARTNER, _FORCE, _BOUND = 0, 3, 4, 5, 8
@@ -36,12 +36,12 @@ class Loops:
         """
         self.program, self.room, self.nodes, self.abreast = program, room, layout.nodes, layout.abreast
         self._now, self._row = now, row
-        self._near, self._way = program.variable(0.0), program.variable(MARGIN)
+        self._near, self._way = program.variable(0.0), program.variable(STALE)
         """Whether any node has a partner, and by how much nodes may have come nearer since that was seen [m]."""
 
     def forget(self) -> None:
         """Look for partners again before the next step."""
-        self._way.value = MARGIN
+        self._way.value = STALE
 
     def moved(self, square: Value, h: float) -> None:
         """Take note of a step.
@@ -84,7 +84,7 @@ class Loops:
     def press(self) -> None:
         """Find what loops do to all nodes now."""
         program, room, nodes = self.program, self.room, self.nodes
-        with program.when(self._way.value >= MARGIN):
+        with program.when(self._way.value >= STALE):
             self._look()
         with program.when(self._near.value > 0):
             with program.side_by_side(self.abreast), along(program, nodes, 0, nodes) as i:

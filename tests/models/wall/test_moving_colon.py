@@ -142,6 +142,57 @@ def test_folds_that_lie_against_each_other_are_pressed_like_a_solid() -> None:
     assert np.diff(energies).max() < 1e-9
 
 
+def _bent(angle: float) -> tuple[float, float, float]:
+    """Change of direction at a bend by that angle [rad], of an edge along the last axis."""
+    return np.sin(angle), 0.0, np.cos(angle) - 1
+
+
+@pytest.mark.parametrize(
+    ("stretch", "angle", "rest"), [(1.0, 0.4, 0.4), (0.4, 0.1, 0.4), (0.35, 1.2, 0.8), (1.2, 0.3, 0.0)]
+)
+def test_moment_and_tension_of_a_bend_are_slopes_of_its_energy(stretch: float, angle: float, rest: float) -> None:
+    """And there is none of either at rest."""
+    turn, bending, length, step = 2 * np.tan(rest / 2), 0.2, 0.02, 1e-6
+    found = moving_colon.wall_bend(np, stretch * length, length, _bent(angle), turn, bending)
+
+    def energy(stretch: float, angle: float) -> float:
+        return moving_colon.bend_energy(np, stretch * length, length, 2 * np.sin(angle / 2), turn, bending)
+
+    moment = np.dot(found.gradient, (np.cos(angle), 0.0, -np.sin(angle)))
+    slopes = [
+        (energy(stretch + s, angle + t) - energy(stretch - s, angle - t)) / 2e-6 for s, t in ((step, 0), (0, step))
+    ]
+    assert (found.tension * length, moment) == pytest.approx(slopes, rel=1e-6, abs=1e-9)
+    if (stretch, angle) == (1.0, rest):
+        assert (moment, energy(stretch, angle)) == pytest.approx((0.0, 0.0), abs=1e-12)
+
+
+@pytest.mark.parametrize("stretch", [0.35, 0.6, 1.2])
+def test_a_gathered_bend_keeps_its_curvature(stretch: float) -> None:
+    """Folds are drawn together on both sides of a bend alike: over so much less length it bends by so much less.
+
+    Colons whose every node kept its angle curled up as they were gathered, to a third of their radius, and pinched the
+    shaft by up to 108 N that held them.
+    """
+    angle, bending = 0.4, 0.2
+    turn = 2 * np.tan(angle / 2)
+    found = moving_colon.wall_bend(np, stretch * 0.02, 0.02, _bent(stretch * angle), turn, bending)
+    assert np.linalg.norm(found.gradient) < 0.03 * bending * angle
+
+
+@pytest.mark.parametrize("angle", [0.1, 0.4, 1.2])
+def test_folds_of_a_bend_are_not_pressed_at_rest_and_bend_less_where_they_lie_against_each_other(angle: float) -> None:
+    """Not even where a bend is so sharp that its wall on the inside has no length."""
+    width, length, turn = 0.015, 0.02, 2 * np.tan(angle / 2)
+    packed = moving_colon.packed_bend(np, length, length, _bent(angle), turn, 0.2, width)
+    assert (*packed.gradient, packed.tension) == pytest.approx((0.0, 0.0, 0.0, 0.0), abs=1e-9)
+    itself = moving_colon.folded_bend(np, turn, 2 * width / length)
+    folded = _bent(2 * np.arcsin(itself / 2))
+    found = moving_colon.packed_bend(np, 0.9 * SHORTEST * length, length, folded, turn, 0.2, width)
+    assert np.linalg.norm(found.gradient) < 1e-6
+    assert itself == pytest.approx(SHORTEST * 2 * np.sin(angle / 2)) or angle > 1
+
+
 def _wedge(stretch: float, angle: float) -> tuple[float, float, float, float]:
     """Energy of both halves of a wall at a bend [J], by what each is pressed together, and what enters there."""
     rigidity, width, rest = 0.2, 0.012, 0.01
@@ -221,7 +272,7 @@ def test_contacts_on_a_gathered_bend_come_to_rest(drag: float) -> None:
     assert np.abs(now.speed[..., :3]).max() < 0.005
 
 
-@pytest.mark.parametrize("steps", [600, pytest.param(100_000, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("steps", [600, pytest.param(300_000, marks=pytest.mark.thorough)])
 def test_a_colon_that_is_let_go_gains_no_energy(steps: int) -> None:
     """Gathered, bent, twisted and with its weight on its side, it only loses energy, and comes to rest in the end."""
     random = np.random.default_rng(3)
@@ -245,7 +296,7 @@ def test_a_colon_that_is_let_go_gains_no_energy(steps: int) -> None:
     lost = energies[0] - energies[-1]
     assert lost > 1e-3
     assert np.diff(energies).max() < 1e-12 * lost + 1e-15
-    assert steps < 100_000 or np.abs(walls.displacement.speed).max() < 1e-6
+    assert steps < 300_000 or np.abs(walls.displacement.speed).max() < 1e-6
 
 
 def test_a_clamped_tube_bends_like_a_beam() -> None:

@@ -48,21 +48,32 @@ def _double_precision():
         yield
 
 
-def _hairpin(**changed: Any) -> Mesentery:
-    """A colon of one world along z, aside by `_FAR`, back across 40 mm, and on along z."""
+def _hairpin_line() -> tuple[np.ndarray, np.ndarray]:
+    """Points along z, aside by `_FAR`, back across 40 mm, and on along z, and their arc lengths; corners are round.
+
+    Each corner is a mean over 30 mm of the way: in one of no radius the wall on the inside would have no length.
+    """
     corners = np.array([(0, 0, 0), (0, 0, 0.2), (0, _FAR, 0.2), (0, _FAR, 0.24), (0, 0, 0.24), (0, 0, 0.44)])
     arcs = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1)))
-    fine = np.linspace(0.0, arcs[-1], 2000)
-    line = np.column_stack([np.interp(fine, arcs, column) for column in corners.T])
-    own = hang(line, fine, np.full(2000, _RADIUS), ())
-    return stack([own._replace(**changed)])
+    fine, half = np.linspace(0.0, arcs[-1], 2000), 40
+    sharp = np.column_stack([np.interp(fine, arcs, column) for column in corners.T])
+    line = sharp.copy()
+    line[half:-half] = np.lib.stride_tricks.sliding_window_view(sharp, 2 * half + 1, axis=0).mean(axis=-1)
+    return line, np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
+
+
+def _hairpin(**changed: Any) -> Mesentery:
+    """A colon of one world along `_hairpin_line`; what is changed is the same at all nodes."""
+    line, arcs = _hairpin_line()
+    own = hang(line, arcs, np.full(2000, _RADIUS), ())
+    return stack([own._replace(**{name: np.full(len(own.nodes), value) for name, value in changed.items()})])
 
 
 def _taut() -> tuple[np.ndarray, np.ndarray]:
     """Spheres of a straight shaft that cuts the hairpin off, every 10 mm, and the arc lengths where they are."""
     z = np.linspace(0.0, 0.44, 45)
-    points = np.stack([0 * z, 0 * z, z], axis=1)[None]
-    return points, np.where(z < 0.215, z, z + 2 * _FAR)[None]
+    points, aside = np.stack([0 * z, 0 * z, z], axis=1)[None], _hairpin_line()[1][-1] - z[-1]
+    return points, np.where(z < 0.215, z, z + aside)[None]
 
 
 def _drawn(xp: Any, own: Mesentery, pose: Any, points: Any, arcs: Any) -> threads.Drawn:
@@ -151,11 +162,11 @@ def test_nothing_is_drawn_to_a_shaft_that_its_spheres_hold() -> None:
 @pytest.mark.parametrize("steps", [2000, pytest.param(100_000, marks=pytest.mark.thorough)])
 def test_a_loop_closes_on_a_shaft_that_is_taut_across_it(steps: int) -> None:
     """It ends inside the cross-section of every node, as far as packed folds let it; no energy is gained."""
-    own = _hairpin(slack=np.full(75, 1.0), hold=np.full(75, 1e-3))
-    assert own.nodes.shape[1] == 75
+    own = _hairpin(slack=1.0, hold=1e-3)
+    nodes = own.nodes.shape[1]
     points, arcs = _taut()
     now = moving_colon.at_rest(np, own, 1, float)
-    sphere = np.searchsorted(arcs[0], own.spacing[0] * np.arange(75))
+    sphere = np.searchsorted(arcs[0], own.spacing[0] * np.arange(nodes))
     held = np.flatnonzero(sphere > 0)
 
     def out_and_energy(now: AxisDisplacement) -> tuple[float, float]:
@@ -168,11 +179,12 @@ def test_a_loop_closes_on_a_shaft_that_is_taut_across_it(steps: int) -> None:
         return float((off - radius).max()), float(stored + threads.thread_energy(np, off, radius).sum())
 
     (first, before), passed, world = out_and_energy(now), [], np.zeros(1, int)
-    drawn, borne = np.zeros((1, 75, 4)), np.zeros((1, points.shape[1], 6))
-    sizes = (74, 3), (74,), (75, 3), (75,), (75, 4), (74, 3), (75,), (75, 3)
+    drawn, borne = np.zeros((1, nodes, 4)), np.zeros((1, points.shape[1], 6))
+    edges = nodes - 1
+    sizes = (edges, 3), (edges,), (nodes, 3), (nodes,), (nodes, 4), (edges, 3), (nodes,), (nodes, 3)
     shape = AxisShape(*(np.zeros((1, *size)) for size in sizes))
     nothing = np.zeros((1, 0)), np.zeros((1, 0, 3)), np.zeros((1, 0, 3)), np.zeros((1, 0, 2))
-    around = np.zeros(1), np.full((1, 75), -1), np.zeros(1), drawn
+    around = np.zeros(1), np.full((1, nodes), -1), np.zeros(1), drawn
     for step in range(steps):
         loops().thread(own, world, now.pose, points, arcs, drawn, borne)
         loops().step_axis(own, world, *now, shape, *nothing, 0.005, *around)
