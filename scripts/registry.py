@@ -93,6 +93,7 @@ BENCHMARKS: Mapping[str, str] = {
     "bench sight": f"{_BENCH}.sight:BenchSight",
     "bench skip": f"{_BENCH}.skip:BenchSkip",
     "bench stability": f"{_BENCH}.stability:BenchStability",
+    "bench steps": f"{_BENCH}.steps:BenchSteps",
     "bench teaching": f"{_BENCH}.teaching:BenchTeaching",
     "bench tracked": f"{_BENCH}.tracked:BenchTracked",
     "bench ultrathin": f"{_BENCH}.ultrathin:BenchUltrathin",

@@ -65,6 +65,8 @@ class CohortOptions:
     """Longest insertion [s]: a caecum reached within 16 min counts as a quality bar."""
     timestep: float = number("s", 1e-5, 0.02, default=0.005)
     """Integration step [s]."""
+    precision: Literal["single", "double"] = "single"
+    """Precision of the numbers that patients are stepped with."""
     rooted: bool = True
     """Whether mesenteries hang from their roots; otherwise from where colons were imaged, as in other runs."""
     stiffen_in: Literal["never", "descending", "transverse", "ascending"] = "never"

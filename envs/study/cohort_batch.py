@@ -44,6 +44,10 @@ _JOBS = 16
 spare, and what is lost when it is interrupted."""
 
 
+PRECISIONS = {"single": np.float32, "double": np.float64}
+"""What patients are stepped with, by name."""
+
+
 def _start(study: Study, folder: Path, *, device: Literal["cpu", "cuda"]) -> Runner:
     def run(jobs: Sequence[Job]) -> Iterable[Result]:
         conditions = {_pair(job): job.conditions for job in jobs}
@@ -115,6 +119,7 @@ def _examined(
         worlds=len(sound),
         settings=HeldHand() if policy else settings,
         device=device,
+        real=PRECISIONS[str(study.options.get("precision", CohortOptions.precision))],
         sees=LumenSight() if policy else None,
         lookup=lookup_of(Sight([case_of(colon, device_radius=own.radius) for colon in own.colons])) if policy else None,
     )
