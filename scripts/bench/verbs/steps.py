@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from haustra.fields import number, whole
+from haustra.fields import number, several, whole
 
 TABLE = "steps.json"
 
@@ -23,7 +23,7 @@ class BenchSteps:
     """Folder for the patients and steps.json."""
     patients: int = whole(1, 100_000, default=24)
     """How many virtual patients the cohort has."""
-    only: tuple[int, ...] = ()
+    only: tuple[int, ...] = several("1", 0, 99_999, default=(), whole=True)
     """Numbers of those of them who are examined, from 0; all of them when none is given."""
     seconds: float = number("s", 1.0, 3600.0, default=960.0)
     """Longest examination [s]."""
