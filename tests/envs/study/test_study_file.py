@@ -213,4 +213,4 @@ def test_weaker_and_more_different_people_are_torn_by_less() -> None:
 
 
 def test_options_that_are_left_out_are_no_part_of_a_study() -> None:
-    assert set(load_study("cohort-causes").options) == {"seconds", "timestep", "rooted", "stiffen_in"}
+    assert set(load_study("cohort-causes").options) == {"seconds", "timestep", "precision", "rooted", "stiffen_in"}
