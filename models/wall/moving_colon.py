@@ -186,9 +186,9 @@ def wall_bend(xp: Any, length: Any, rest: Any, change: Vector, turn: Any, bendin
 
 def bend_energy(xp: Any, length: Any, rest: Any, amount: Any, turn: Any, bending: Any) -> Any:
     """Energy of `wall_bend` [J], less what it is at rest, given the length of the change of direction."""
-    steep, stretch = 1 + 0.25 * turn * turn, length / rest
-    apart = 2 * xp.log(steep * (1 - 0.25 * amount * amount))
-    return bending * (turn * (turn * (1 + stretch * stretch) / 2 - stretch * amount * xp.sqrt(steep)) - apart)
+    steep, stretch = xp.sqrt(1 + 0.25 * turn * turn), length / rest
+    apart = 2 * xp.log(steep * steep * (1 - 0.25 * amount * amount))
+    return bending * (turn * (turn * (1 + stretch * stretch) / 2 - stretch * amount * steep) - apart)
 
 
 def bend_stiffness(xp: Any, bending: Any, facing: Any) -> Any:
@@ -730,8 +730,8 @@ def _forces(
     work = work + xp.pad(stacked(xp, minus(last, twisting)), ((0, 0), (1, 0), (0, 0)))
     work = stacked(xp, unit_rate(tangents, shape.sums, vectors.of(work)))
     change = vectors.of(shape.units[:, 1:] - shape.units[:, :-1])
-    bend = wall_bend(xp, *_beside_nodes(own, shape), change, own.turns[:, 1:-1], own.bending[:, 1:-1])
-    packed = _packed(xp, own, shape)
+    inner = *_beside_nodes(own, shape), change, own.turns[:, 1:-1], own.bending[:, 1:-1]
+    bend, packed = wall_bend(xp, *inner), packed_bend(xp, *inner, own.widths[:, 1:-1])
     opening = bend.tension + packed.tension
     bend = xp.pad(stacked(xp, add(bend.gradient, packed.gradient)), ((0, 0), (1, 1), (0, 0)))
     over_units = vectors.of(work[:, 1:] + work[:, :-1] + bend[:, 1:] - bend[:, :-1])
@@ -746,13 +746,6 @@ def _forces(
 def _gas_thrusts(xp: Any, own: Mesentery) -> Array:
     """`gas_thrust` of all edges (worlds, nodes - 1) [N]."""
     return gas_thrust(xp, own.pressure_lost[:, None], own.drag[:, :-1], own.turn_drag[:, :-1], own.tension)
-
-
-def _packed(xp: Any, own: Mesentery, shape: AxisShape) -> PackedBend:
-    """`packed_bend` at the nodes between others."""
-    change = vectors.of(shape.units[:, 1:] - shape.units[:, :-1])
-    inner = own.turns[:, 1:-1], own.bending[:, 1:-1], own.widths[:, 1:-1]
-    return packed_bend(xp, *_beside_nodes(own, shape), change, *inner)
 
 
 def _beside_nodes(own: Mesentery, shape: AxisShape) -> tuple[Array, Array]:

@@ -64,7 +64,7 @@ def _with(study: Study, only: Sequence[int]) -> Study:
     designs = designs_of(study)
     if missing := [number for number in only if not 0 <= number < len(designs)]:
         raise InvalidOptionError(f"--only: patient {missing[0]} is not of the {len(designs)}: 0 to {len(designs) - 1}.")
-    listed = tuple({"name": f"patient-{number}", **designs[number]} for number in only)
+    listed = tuple({"name": f"patient-{number}", **designs[number]} for number in sorted(set(only)))
     return replace(study, sampler=Sampler(kind="list", designs=listed))
 
 

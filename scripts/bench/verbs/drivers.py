@@ -1,35 +1,26 @@
 """`haustra bench drivers`: endoscopists who work differently, held against published figures."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
-import tyro
-
-from haustra.fields import number, whole
+from haustra.fields import whole
+from haustra.scripts.bench.verbs.patients import PatientBench
 
 
 @dataclass(frozen=True)
-class BenchDrivers:
+class BenchDrivers(PatientBench):
     """Let endoscopists who work differently examine the same patients, and tell who comes nearest to published figures.
 
     Goes on where it was cut short. Whoever is chosen by this must be judged on patients of another seed.
     """
 
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
-    """Folder for the drivers' settings, the patients and drivers.json."""
     drivers: int = whole(2, 10_000, default=32)
     """How many endoscopists: the usual one, and others by a Latin hypercube over assets/clinic/endoscopists.toml."""
     patients: int = whole(1, 10_000, default=32)
     """How many virtual patients each of them examines."""
-    seconds: float = number("s", 1.0, 3600.0, default=960.0)
-    """Longest examination [s]."""
     seed: int = whole(0, 2**32 - 1, default=1000)
     """Seed of patients and settings."""
-    backend: Literal["linear", "linear-gpu"] = "linear"
-    """What steps the patients: every core, or an NVIDIA GPU."""
-    json: bool = field(default=False)
-    """Print one JSON document instead of a table."""
 
     def __call__(self) -> dict[str, Any]:
         """Examine, rank, write."""

@@ -9,7 +9,8 @@ from haustra.scripts.main import BAD_INPUT, main
 
 
 def test_one_patient_of_a_cohort_is_examined_in_every_way(tmp_path, capsys) -> None:
-    asked = ["bench", "steps", "-o", str(tmp_path), "--patients", "3", "--only", "1", "--seconds", "3", "--json"]
+    """And once, however often it is named."""
+    asked = ["bench", "steps", "-o", str(tmp_path), "--patients", "3", "--only", "1", "1", "--seconds", "3", "--json"]
     assert main(asked) == 0
     ways = json.loads(capsys.readouterr().out)["ways"]
     assert [(way["timestep"], way["precision"]) for way in ways] == list(WAYS)
