@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from haustra.envs.study.patients import numbers
 from haustra.envs.study.trials import Trial, answered, arm_study, load_trial, run_trials, trial_names
 from haustra.errors import InvalidOptionError, InvalidStudyError, UnsupportedSceneError
 from haustra.models.devices.scope.files import load_design
 
-EXAMPLES = Path(__file__).parents[3] / "docs/examples/soft-front"
+DOCS = Path(__file__).parents[3] / "docs/examples"
+EXAMPLES = DOCS / "soft-front"
 NAMES = trial_names()
 
 
@@ -177,3 +179,16 @@ def test_rings_that_leave_the_front_soft_differ_from_those_that_ship_in_that_alo
         assert replace(found, shaft=known.shaft) == known
         rings += 1
     assert rings
+
+
+def test_the_stiffer_ring_differs_from_the_one_that_ships_in_its_factor_alone() -> None:
+    """It stiffens by the end of what is assumed."""
+    (usual, place), (stiff, beside) = map(
+        load_trial, ("paediatric-adult", str(DOCS / "stiffer-ring/paediatric-adult.toml"))
+    )
+    assert replace(stiff, assumed=()) == replace(usual, assumed=())
+    known, found = (load_design(path.parent / usual.arms[0].device) for path in (place, beside))
+    (shaft,) = found.shaft
+    assert shaft.stiffening == numbers()["scope.variable.stiffening"].high > known.shaft[0].stiffening
+    assert replace(found, shaft=known.shaft) == known
+    assert replace(shaft, stiffening=known.shaft[0].stiffening) == known.shaft[0]
