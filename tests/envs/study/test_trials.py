@@ -11,8 +11,7 @@ from haustra.envs.study.trials import Trial, answered, arm_study, load_trial, ru
 from haustra.errors import InvalidOptionError, InvalidStudyError, UnsupportedSceneError
 from haustra.models.devices.scope.files import load_design
 
-DOCS = Path(__file__).parents[3] / "docs/examples"
-EXAMPLES = DOCS / "soft-front"
+EXAMPLES = Path(__file__).parents[3] / "docs/examples"
 NAMES = trial_names()
 
 
@@ -162,7 +161,7 @@ def test_a_gpu_refuses_the_trial_of_water_before_any_is_run(tmp_path: Path) -> N
 @pytest.mark.parametrize("name", ["paediatric-adult", "stiffening", "tapered", "variable-stiffness"])
 def test_rings_that_leave_the_front_soft_differ_from_those_that_ship_in_that_alone(name: str) -> None:
     """The leading 30 cm are the last section, the bending section and the tip."""
-    (usual, place), (soft, beside) = (load_trial(where) for where in (name, str(EXAMPLES / f"{name}.toml")))
+    (usual, place), (soft, beside) = (load_trial(where) for where in (name, str(EXAMPLES / f"soft-front/{name}.toml")))
     assert replace(soft, assumed=(), arms=()) == replace(usual, assumed=(), arms=())
     rings = 0
     for one, other in zip(usual.arms, soft.arms, strict=True):
@@ -184,7 +183,7 @@ def test_rings_that_leave_the_front_soft_differ_from_those_that_ship_in_that_alo
 def test_the_stiffer_ring_differs_from_the_one_that_ships_in_its_factor_alone() -> None:
     """It stiffens by the end of what is assumed."""
     (usual, place), (stiff, beside) = map(
-        load_trial, ("paediatric-adult", str(DOCS / "stiffer-ring/paediatric-adult.toml"))
+        load_trial, ("paediatric-adult", str(EXAMPLES / "stiffer-ring/paediatric-adult.toml"))
     )
     assert replace(stiff, assumed=()) == replace(usual, assumed=())
     known, found = (load_design(path.parent / usual.arms[0].device) for path in (place, beside))
